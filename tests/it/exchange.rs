@@ -131,7 +131,7 @@ fn a_file_without_points_moves_the_frames_along_the_path_and_says_so() {
     value.as_object_mut().expect("an object").remove("tracks");
     std::fs::write(folder.join("bare.json"), value.to_string()).expect("writable");
     let told = err(&succeed(folder, &["stabilize", "clip.mp4", "-o", "b.mp4", "--motion", "bare.json"]));
-    assert!(told.contains("bare.json holds no tracks"), "{told}");
+    assert!(told.contains("bare.json has no tracks"), "{told}");
 }
 
 #[test]

@@ -42,7 +42,7 @@ impl Offer for Blend {
         Setting::of("paint").value("FILE.json"),
         Setting::of("frames"),
         Setting::of("landmarks").under("Method"),
-        Setting::of("rounds").under("Method"),
+        Setting::of("iterations").under("Method"),
         Setting::of("report").value("FILE.html|FILE.json"),
     ];
 }

@@ -46,7 +46,7 @@ impl Offer for Deform {
         Setting::of("method").value("METHOD").under("Method"),
         Setting::of("roi").value("DISTANCE").under("Method"),
         Setting::of("iterations").under("Method"),
-        Setting::of("tolerance").value("SHARE").under("Method"),
+        Setting::of("tolerance").value("FRACTION").under("Method"),
         Setting::of("cotangents").under("Method"),
         Setting::of("solver").under("Method"),
         Setting::of("start").value("FROM").under("Method"),

@@ -47,7 +47,7 @@ impl Offer for Morph {
     const SETTINGS: &'static [Setting] = &[
         Setting::of("frames"),
         Setting::of("landmarks").under("Method"),
-        Setting::of("refine").value("SHARE").requires("landmarks").under("Method"),
+        Setting::of("refine").value("FRACTION").requires("landmarks").under("Method"),
         Setting::of("iterations").under("Method"),
         Setting::of("untangle").under("Method"),
         Setting::of("over").requires("landmarks").under("Method"),

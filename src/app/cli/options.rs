@@ -303,7 +303,7 @@ mod tests {
     impl Offer for Some3 {
         type Kind = MeshDeformSettings;
         const SETTINGS: &'static [Setting] =
-            &[Setting::of("handles"), Setting::of("solver"), Setting::of("tolerance").value("SHARE")];
+            &[Setting::of("handles"), Setting::of("solver"), Setting::of("tolerance").value("FRACTION")];
     }
 
     fn given(args: &[&str]) -> Result<MeshDeformSettings, String> {

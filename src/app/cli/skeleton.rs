@@ -51,7 +51,7 @@ impl Offer for Extract {
     type Kind = SkeletonExtractSettings;
     const SETTINGS: &'static [Setting] = &[
         Setting::of("joints").under("Skeleton"),
-        Setting::of("prune").value("SHARE").under("Skeleton"),
+        Setting::of("prune").value("RADII").under("Skeleton"),
         Setting::of("keep").value("FILE|auto").under("Skeleton"),
         Setting::of("template").conflicts("joints").under("Skeleton"),
         Setting::of("contraction_frames").value("DIR").requires("output").under("Skeleton"),

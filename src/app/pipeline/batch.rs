@@ -73,7 +73,7 @@ impl Pipeline {
     }
 
     fn items(&self, batch: &BatchSettings, problems: &mut Vec<Problem>) -> Vec<Item> {
-        let place = self.file.batch.iter().flatten().find(|e| e.key == "foreach").and_then(|e| e.node.span);
+        let span = self.file.batch.iter().flatten().find(|e| e.key == "foreach").and_then(|e| e.node.span);
         let extensions: &[&str] = if self.graph.gives(PortType::Mesh) {
             &MESH_EXTENSIONS
         } else if self.graph.is_still() {
@@ -85,12 +85,12 @@ impl Pipeline {
             Ok(paths) if paths.is_empty() && !batch.allow_empty => {
                 let message = format!("no file matches {}", batch.foreach.patterns().join(", "));
                 let help = "look at the pattern, or set `allow_empty = true` if finding nothing is fine";
-                problems.push(Problem::new("empty-batch", message).label(place, "matches nothing").help(help));
+                problems.push(Problem::new("empty-batch", message).label(span, "matches nothing").help(help));
                 Vec::new()
             }
             Ok(paths) => paths.into_iter().enumerate().map(|(index, path)| Item { path, index }).collect(),
             Err(message) => {
-                problems.push(Problem::new("bad-value", message).label(place, "here"));
+                problems.push(Problem::new("bad-value", message).label(span, "here"));
                 Vec::new()
             }
         }
@@ -152,7 +152,7 @@ enum Identity {
     #[cfg(unix)]
     Inode(u64, u64),
     /// Where it is, or will be.
-    Place(PathBuf),
+    Path(PathBuf),
 }
 
 fn identity(path: &Path) -> Identity {
@@ -161,10 +161,10 @@ fn identity(path: &Path) -> Identity {
         use std::os::unix::fs::MetadataExt;
         return Identity::Inode(meta.dev(), meta.ino());
     }
-    Identity::Place(place(path))
+    Identity::Path(resolved(path))
 }
 
-fn place(path: &Path) -> PathBuf {
+fn resolved(path: &Path) -> PathBuf {
     if let Ok(found) = path.canonicalize() {
         return found;
     }

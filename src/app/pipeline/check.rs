@@ -36,7 +36,7 @@ impl PartialEq for Pipeline {
     }
 }
 
-/// Reads and checks a pipeline file. `set` holds `NAME.KEY=VALUE` options, which win over the file.
+/// Reads and checks a pipeline file. `set` lists `NAME.KEY=VALUE` options, which win over the file.
 ///
 /// # Errors
 /// Every fault that can be found without touching an input.
@@ -132,10 +132,10 @@ pub(super) fn stage_settings(
         }
     };
     for conflict in settings.iter().flat_map(|s| s.conflicts()) {
-        let place = stage.settings.iter().find(|e| e.key == conflict.key).map(|e| e.key_span.or(e.node.span));
+        let span = stage.settings.iter().find(|e| e.key == conflict.key).map(|e| e.key_span.or(e.node.span));
         problems.push(
             Problem::new("conflict", format!("{}: {}", expected.what, conflict.message))
-                .label(place.unwrap_or(stage.name.span), "here")
+                .label(span.unwrap_or(stage.name.span), "here")
                 .help(conflict.help),
         );
     }

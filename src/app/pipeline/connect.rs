@@ -18,7 +18,7 @@ pub(super) struct Prepared {
     pub deferred: Vec<Entry>,
 }
 
-/// An edge before the stages are sorted, with the place of its text.
+/// An edge before the stages are sorted, with the span of its text.
 struct Link {
     port: &'static Port,
     from: usize,
@@ -46,7 +46,7 @@ pub(super) fn connect(file: &PipelineFile, prepared: Vec<Prepared>, problems: &m
 #[derive(Default)]
 struct Found {
     links: Vec<Link>,
-    /// Edges from disabled stages: port, stage, place.
+    /// Edges from disabled stages: port, stage, span.
     disabled: Vec<(&'static Port, usize, Option<Span>)>,
     /// An edge was refused, so that a missing one may be its consequence.
     unsound: bool,
@@ -85,6 +85,7 @@ impl Wiring<'_> {
         problems: &mut Vec<Problem>,
     ) -> Option<(usize, &'static Port)> {
         let (name, output) = from.text.split_once('.').map_or((from.text.as_str(), None), |(s, o)| (s, Some(o)));
+        // The stage by its name.
         let Some(i) = self.stages.iter().position(|s| s.name.text == name) else {
             problems.push(
                 Problem::new(
@@ -97,6 +98,7 @@ impl Wiring<'_> {
             return None;
         };
         let kind = self.stages[i].kind?;
+        // The output by its name; the first where none is given.
         let found = output.map_or(kind.outputs.first(), |o| kind.output(o));
         let Some(found) = found else {
             let output = output.unwrap_or_default();
@@ -107,6 +109,7 @@ impl Wiring<'_> {
             );
             return None;
         };
+        // Both ports must carry the same type.
         if found.data != port.data {
             problems.push(wrong_data(stage, port, from, (name, kind, found)));
             return None;
@@ -134,16 +137,16 @@ impl Wiring<'_> {
         }
     }
 
-    /// A required port without an edge; nothing where that follows from a fault told before.
+    /// A required port without an edge; nothing where that follows from a fault reported before.
     fn missing(&self, stage: &StageEntry, port: &'static Port, found: &Found) -> Option<Problem> {
         let name = &stage.name.text;
         if let Some((_, from, span)) = found.disabled.iter().find(|(p, ..)| p.name == port.name) {
             let from = &self.stages[*from];
-            let place = from.enable.as_ref().and_then(|n| n.span);
+            let switch = from.enable.as_ref().and_then(|n| n.span);
             let message = format!("stage `{name}` needs `{}`, which is disabled", from.name.text);
             let problem = Problem::new("disabled", message)
                 .label(*span, format!("port `{}` needs it", port.name))
-                .label(place, "disabled here")
+                .label(switch, "disabled here")
                 .help("disable the consumer too, or take the input from another stage");
             return Some(problem);
         }
@@ -264,7 +267,7 @@ fn cycle(start: usize, stages: &[StageEntry], links: &[Vec<Link>], done: &[bool]
     let mut names: Vec<&str> = ring.iter().rev().map(|&i| stages[i].name.text.as_str()).collect();
     names.push(names[0]);
     let span = links[ring[0]].iter().find(|l| ring.contains(&l.from)).and_then(|l| l.span);
-    Problem::new("cycle", format!("the stages go round in a circle: {}", names.join(" → ")))
+    Problem::new("cycle", format!("the stages form a cycle: {}", names.join(" → ")))
         .label(span, "closes the circle")
         .help("a stage cannot take data that it gave")
 }
@@ -296,7 +299,7 @@ fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
 fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
     for stage in &graph.stages {
         let from = |port: &str| stage.edges.iter().find(|e| e.port.name == port).map(|e| e.from);
-        let place = || file.stages.iter().find(|s| s.name.text == stage.name).and_then(|s| s.name.span);
+        let span = || file.stages.iter().find(|s| s.name.text == stage.name).and_then(|s| s.name.span);
         let upstream = |at: usize| graph.stages[at].edges.iter().find(|e| e.port.name == "frames").map(|e| e.from);
         if let (Some(frames), Some(beside)) = (from("frames"), from("beside"))
             && beside != frames
@@ -305,9 +308,9 @@ fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>
             let (shown, other) = (&graph.stages[frames].name, &graph.stages[beside].name);
             let message = format!("`{}` shows `{shown}` beside `{other}`, which it is not made from", stage.name);
             let help = "connect `beside` to the stage that `frames` takes its pictures from";
-            problems.push(Problem::new("beside", message).label(place(), "in this stage").help(help));
+            problems.push(Problem::new("beside", message).label(span(), "in this stage").help(help));
         }
-        problems.extend(warps::check(graph, stage).map(|p| p.label(place(), "in this stage")));
+        problems.extend(warps::check(graph, stage).map(|p| p.label(span(), "in this stage")));
     }
 }
 

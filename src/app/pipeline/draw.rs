@@ -61,7 +61,7 @@ fn text(graph: &Graph) -> String {
     out
 }
 
-/// Names may hold `-`, which Mermaid and DOT do not take in a bare identifier.
+/// Names may contain `-`, which Mermaid and DOT do not take in a bare identifier.
 fn identifier(name: &str) -> String {
     name.replace('-', "_m")
 }

@@ -95,7 +95,7 @@ const BYTES_PER_PHOTO: u64 = 512 << 20;
 
 /// How many still pictures the memory that is free now has room for, at least 1.
 fn photos_in_memory() -> usize {
-    // Linux alone tells it in a file; elsewhere the number of processors decides.
+    // Linux alone has it in a file; elsewhere the number of processors decides.
     let Ok(text) = std::fs::read_to_string("/proc/meminfo") else { return usize::MAX };
     let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"));
     let kilobytes = line.and_then(|l| l.split_whitespace().next()?.parse::<u64>().ok());

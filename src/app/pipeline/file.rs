@@ -1,6 +1,6 @@
-//! A pipeline file as it was written: tables sorted into their places, references not yet replaced.
+//! A pipeline file as it was written: tables sorted by their meaning, references not yet replaced.
 //!
-//! A command builds the same structure that a file is read into, so both take one way from here on.
+//! A command builds the same structure that a file is read into, so both take the same path from here on.
 
 use serde_json::Value as Json;
 
@@ -11,12 +11,12 @@ use super::syntax::{Entry, Node, Sources, Span, Value};
 /// The format version this program reads and writes.
 pub const VERSION: i64 = 1;
 
-/// A word and where it stands. Equal when the words are.
+/// A word and its span. Equal when the words are.
 #[derive(Clone, Debug)]
 pub struct Name {
     /// The word.
     pub text: String,
-    /// Where it stands.
+    /// Where it is in the text.
     pub span: Option<Span>,
 }
 

@@ -1,4 +1,4 @@
-//! The checked graph: stages in the order of the data's way, edges with the types of their ports.
+//! The checked graph: stages in the order of the data flow, edges with the types of their ports.
 
 use std::sync::Arc;
 
@@ -34,11 +34,11 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// What it holds while it runs; twice the frames where it joins two pictures into one.
-    pub fn held(&self) -> Vec<MemoryCost> {
+    /// The memory that it needs while it runs; twice the frames where it joins two pictures into one.
+    pub fn memory(&self) -> Vec<MemoryCost> {
         let joins = self.edges.iter().any(|e| e.port.name == "beside");
         let times = if joins { 2.0 } else { 1.0 };
-        self.settings.held().into_iter().map(|h| MemoryCost { frames: times * h.frames, ..h }).collect()
+        self.settings.memory().into_iter().map(|cost| MemoryCost { frames: times * cost.frames, ..cost }).collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Finds the files that `foreach` means.
 //!
-//! A pattern that names an existing file is that file, whatever characters it holds; one that names a folder is every clip in
-//! it, or every photo or mesh for graphs of those, told by the extension; anything else is a glob (`*`, `?`, `[…]`, `{a,b}`, `**` for folders at any depth).
+//! A pattern that names an existing file is that file, whatever characters it contains; one that names a folder is every clip in
+//! it, or every photo or mesh for graphs of those, recognized by the extension; anything else is a glob (`*`, `?`, `[…]`, `{a,b}`, `**` for folders at any depth).
 
 use std::path::{Component, Path, PathBuf};
 
@@ -132,7 +132,7 @@ fn literal_root(pattern: &Path) -> (PathBuf, Option<usize>) {
         .position(|c| c.as_os_str().to_string_lossy().contains(['*', '?', '[', '{']))
         .unwrap_or(components.len());
     let rest = &components[first..];
-    // A brace may hold a separator, and `**` stands for any depth.
+    // A brace may contain a separator, and `**` means any depth.
     let endless = rest.iter().any(|c| {
         let text = c.as_os_str().to_string_lossy();
         text.contains("**") || text.matches('{').count() != text.matches('}').count()
@@ -140,7 +140,7 @@ fn literal_root(pattern: &Path) -> (PathBuf, Option<usize>) {
     (components[..first].iter().collect(), (!endless).then_some(rest.len()))
 }
 
-/// Links to folders are not followed: they may lead round in a circle.
+/// Links to folders are not followed: they may form a cycle.
 fn walk(folder: &Path, depth: Option<usize>, glob: &GlobMatcher, found: &mut Vec<PathBuf>) {
     if depth == Some(0) {
         return;

@@ -22,7 +22,7 @@ pub struct Job<'a> {
     pub threads: usize,
     /// Existing files may be replaced.
     pub overwrite: bool,
-    /// Where to tell frames done.
+    /// Where to report frames done.
     pub progress: &'a TaskProgress<'a>,
     /// Set when the user stops the run: look at it once per frame.
     pub cancel: &'a Arc<AtomicBool>,
@@ -79,7 +79,7 @@ impl ArtifactStore {
     }
 }
 
-/// What `probe` tells of an input.
+/// What `probe` finds in an input.
 #[derive(Clone, Debug)]
 pub struct Probed {
     /// For people.

@@ -1,7 +1,7 @@
 //! A stage kind: its name, ports, settings and behavior over time, as one table row per kind.
 //!
 //! The settings are a plain struct with doc comments. The comments become the help of `plumbline stages` and the texts of the
-//! JSON schema; ranges stand in the schema attributes and are enforced from there, so help, editor and check cannot disagree.
+//! JSON schema; ranges are in the schema attributes and are enforced from there, so help, editor and check cannot disagree.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -36,7 +36,7 @@ pub enum TemporalScope {
 pub enum MapStep {
     /// It takes a lens out of a clip.
     Lens,
-    /// It holds a clip steady.
+    /// It stabilizes a clip.
     Steady,
     /// It changes the shape of a clip.
     Shape,
@@ -55,7 +55,7 @@ pub struct Conflict {
     pub help: &'static str,
 }
 
-/// A stage kind: its settings, what holds for every stage of the kind, and what a stage of it does.
+/// A stage kind: its settings, what is true of every stage of the kind, and what a stage of it does.
 ///
 /// `Default` gives every setting that a file leaves out; `REQUIRED` names those that a file must give.
 pub trait Stage:
@@ -77,7 +77,7 @@ pub trait Stage:
     type Output: Outputs;
     /// Settings without a default.
     const REQUIRED: &'static [&'static str] = &[];
-    /// It interpolates pixels; at most one such stage may lie on the way of a picture.
+    /// It interpolates pixels; at most one such stage may be on the path of a picture.
     const RESAMPLES: bool = false;
     /// What the map that it gives does, where a render stage must know.
     const MAP: Option<MapStep> = None;
@@ -87,8 +87,8 @@ pub trait Stage:
         TemporalScope::Map
     }
 
-    /// What it holds while it runs.
-    fn held(&self) -> Vec<MemoryCost> {
+    /// The memory that it needs while it runs.
+    fn memory(&self) -> Vec<MemoryCost> {
         Vec::new()
     }
 
@@ -131,8 +131,8 @@ pub trait Stage:
 pub trait Settings: Any + Debug + Send + Sync {
     /// See [`Stage::over_time`].
     fn over_time(&self) -> TemporalScope;
-    /// See [`Stage::held`].
-    fn held(&self) -> Vec<MemoryCost>;
+    /// See [`Stage::memory`].
+    fn memory(&self) -> Vec<MemoryCost>;
     /// See [`Stage::conflicts`].
     fn conflicts(&self) -> Vec<Conflict>;
     /// See [`Stage::reads`].
@@ -160,8 +160,8 @@ impl<S: Stage> Settings for S {
         Stage::over_time(self)
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
-        Stage::held(self)
+    fn memory(&self) -> Vec<MemoryCost> {
+        Stage::memory(self)
     }
 
     fn conflicts(&self) -> Vec<Conflict> {

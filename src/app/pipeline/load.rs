@@ -90,7 +90,7 @@ fn vars(entry: Entry, problems: &mut Vec<Problem>) -> Vec<Entry> {
     entries
 }
 
-/// Names are `[a-z][a-z0-9_-]*`: they stand in references, options and file names.
+/// Names are `[a-z][a-z0-9_-]*`: they are used in references, options and file names.
 fn check_name(what: &str, name: &Name, problems: &mut Vec<Problem>) {
     let mut bytes = name.text.bytes();
     let good = bytes.next().is_some_and(|b| b.is_ascii_lowercase())

@@ -1,4 +1,4 @@
-//! What stages hold in memory, as a formula: `bytes = frames · B + per_px · W·H + fixed + per_clip_frame · N`, with `W×H` the size
+//! The memory that stages need, as a formula: `bytes = frames · B + per_px · W·H + fixed + per_clip_frame · N`, with `W×H` the size
 //! of the picture, `B` the bytes of one decoded frame and `N` the number of frames of the clip.
 //!
 //! Known when a stage is planned, so that `plan` can print a bound before any work; symbolic while no clip was probed.
@@ -16,7 +16,7 @@ pub struct ClipShape {
     pub height: u32,
     /// Bytes of one decoded frame, all planes.
     pub frame_bytes: u64,
-    /// Frames of the clip, where the container tells or it was estimated.
+    /// Frames of the clip, where the container states it or it was estimated.
     pub frames: Option<u64>,
 }
 
@@ -33,7 +33,7 @@ pub struct MemoryCost {
     pub bytes: u64,
     /// Bytes per frame of the clip.
     pub bytes_per_clip_frame: f64,
-    /// It lies in a temporary file, not in memory.
+    /// It is in a temporary file, not in memory.
     pub on_disk: bool,
 }
 
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn terms_add_up_and_print() {
-        let held = MemoryCost {
+        let cost = MemoryCost {
             what: "x",
             frames: 2.0,
             bytes_per_px: 0.5,
@@ -103,9 +103,9 @@ mod tests {
             on_disk: false,
         };
         let clip = ClipShape { width: 100, height: 10, frame_bytes: 1500, frames: Some(7) };
-        assert_eq!(held.evaluate(&clip), 3000 + 500 + 1000 + 56);
-        assert_eq!(held.to_string(), "2 frames + 0.50 B × W×H + 1000 B + 8 B per frame of the clip");
-        assert_eq!(held.evaluate(&ClipShape { frames: None, ..clip }), 4500);
+        assert_eq!(cost.evaluate(&clip), 3000 + 500 + 1000 + 56);
+        assert_eq!(cost.to_string(), "2 frames + 0.50 B × W×H + 1000 B + 8 B per frame of the clip");
+        assert_eq!(cost.evaluate(&ClipShape { frames: None, ..clip }), 4500);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The staged configuration: `file → plan → run`.
 //!
-//! A pipeline is a graph of stages with typed ports. [`read`] turns a TOML file into a checked [`Pipeline`], telling every fault
+//! A pipeline is a graph of stages with typed ports. [`read`] turns a TOML file into a checked [`Pipeline`], reporting every fault
 //! at once with its line, column and a suggestion; [`Pipeline::instances`] fills it in for each item of the batch;
 //! [`Plan`] cuts it into streaming passes; [`execute`](execute::execute) runs it. Commands build the same
 //! [`PipelineFile`] that a file is read into.

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How progress is told.
+/// How progress is reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum ProgressMode {
@@ -30,7 +30,7 @@ pub struct RunSettings {
     pub threads: u32,
     /// Existing files may be replaced
     pub overwrite: bool,
-    /// How progress is told
+    /// How progress is reported
     pub progress: ProgressMode,
 }
 

@@ -208,8 +208,8 @@ mod tests {
             ("vidoe = 1\n", "a file of settings has no `vidoe`", "did you mean `video`?"),
             ("[stage.x]\nuse = \"video.encode\"\ninputs = [\"a\"]\n", "has no setting `inputs`", ""),
         ] {
-            let told = read(text).expect_err("a fault").render(false, 200);
-            assert!(told.contains(message) && told.contains(help), "{told}");
+            let message_text = read(text).expect_err("a fault").render(false, 200);
+            assert!(message_text.contains(message) && message_text.contains(help), "{message_text}");
         }
     }
 

@@ -49,7 +49,7 @@ impl Plan {
         Self { passes: indices.iter().enumerate().map(pass).collect() }
     }
 
-    /// The plan in words, with what each pass holds in memory: in bytes if the clip is known.
+    /// The plan in words, with the memory of each pass: in bytes if the clip is known.
     pub fn describe(&self, graph: &Graph, clip: Option<&ClipShape>) -> String {
         let mut lines: Vec<String> = self.passes.iter().flat_map(|p| self.describe_pass(p, graph, clip)).collect();
         let peak = self.passes.iter().map(|p| p.memory(graph, clip)).max().filter(|_| clip.is_some());
@@ -88,15 +88,15 @@ fn describe_stage(stage: &Stage, clip: Option<&ClipShape>) -> Vec<String> {
         TemporalScope::Once => "once".to_owned(),
     };
     let mut lines = vec![format!("  {:<10} {:<14} {time}", stage.name, stage.kind.name)];
-    lines.extend(stage.held().iter().map(|held| format!("{:27} {}", "", held_text(held, clip))));
+    lines.extend(stage.memory().iter().map(|cost| format!("{:27} {}", "", cost_text(cost, clip))));
     lines
 }
 
 impl Pass {
-    /// Bytes held in memory during this pass; 0 while the clip is unknown.
+    /// Bytes of memory during this pass; 0 while the clip is unknown.
     pub fn memory(&self, graph: &Graph, clip: Option<&ClipShape>) -> u64 {
-        let held = self.stages.iter().flat_map(|&s| graph.stages[s].held());
-        clip.map_or(0, |clip| held.filter(|h| !h.on_disk).map(|h| h.evaluate(clip)).sum())
+        let costs = self.stages.iter().flat_map(|&s| graph.stages[s].memory());
+        clip.map_or(0, |clip| costs.filter(|c| !c.on_disk).map(|c| c.evaluate(clip)).sum())
     }
 
     /// The one stage of this pass whose settings are `S`, if there is one.
@@ -105,10 +105,10 @@ impl Pass {
     }
 }
 
-fn held_text(held: &MemoryCost, clip: Option<&ClipShape>) -> String {
-    let place = if held.on_disk { " in a temporary file" } else { "" };
-    let amount = clip.map_or_else(|| held.to_string(), |clip| human_bytes(held.evaluate(clip)));
-    format!("{}: {amount}{place}", held.what)
+fn cost_text(cost: &MemoryCost, clip: Option<&ClipShape>) -> String {
+    let location = if cost.on_disk { " in a temporary file" } else { "" };
+    let amount = clip.map_or_else(|| cost.to_string(), |clip| human_bytes(cost.evaluate(clip)));
+    format!("{}: {amount}{location}", cost.what)
 }
 
 fn levels(graph: &Graph) -> Vec<usize> {

@@ -23,9 +23,9 @@ pub enum PortType {
     Lines,
     /// Boxes around faces.
     Faces,
-    /// How much each place of a picture matters.
+    /// The importance of each position of a picture.
     Importance,
-    /// A surface of triangles, with what its file holds besides, at rest and posed.
+    /// A surface of triangles, with what else its file contains, at rest and posed.
     Mesh,
     /// Joints in a forest, with movements of them.
     Skeleton,
@@ -34,7 +34,7 @@ pub enum PortType {
 }
 
 impl PortType {
-    /// Every type, in the order of the data's way.
+    /// Every type, in the order of the data flow.
     pub const ALL: [Self; 13] = [
         Self::Frames,
         Self::Audio,

@@ -1,4 +1,4 @@
-//! What is wrong with a pipeline: every fault at once, each with its place and a way out.
+//! What is wrong with a pipeline: every fault at once, each with its span and a remedy.
 
 use std::fmt;
 
@@ -14,14 +14,14 @@ pub struct Problem {
     pub code: &'static str,
     /// What is wrong, with the value and the allowed range.
     pub message: String,
-    /// Places that take part in it, the culprit first.
+    /// Spans that take part in it, the culprit first.
     pub labels: Vec<(Span, String)>,
     /// What to do.
     pub help: Option<String>,
 }
 
 impl Problem {
-    /// A fault without place.
+    /// A fault without a span.
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), labels: Vec::new(), help: None }
     }
@@ -58,10 +58,10 @@ pub struct Problems {
 }
 
 impl Problems {
-    /// Sorted by place, those without a place last.
+    /// Sorted by span, those without a span last.
     pub fn new(mut problems: Vec<Problem>, sources: Sources) -> Self {
-        let place = |p: &Problem| p.labels.first().map_or((usize::MAX, 0), |(s, _)| (s.source.0, s.start));
-        problems.sort_by_key(place);
+        let start = |p: &Problem| p.labels.first().map_or((usize::MAX, 0), |(s, _)| (s.source.0, s.start));
+        problems.sort_by_key(start);
         problems.dedup();
         Self { problems, sources }
     }
@@ -84,12 +84,12 @@ impl Problems {
     /// One object per fault: `{code, severity, message, file, span: {line, column, length}, help}`.
     pub fn to_json(&self) -> serde_json::Value {
         let one = |p: &Problem| {
-            let place = p.labels.first().map(|(span, _)| {
+            let span = p.labels.first().map(|(span, _)| {
                 let (line, column) = self.sources.line_column(*span);
                 json!({"line": line, "column": column, "length": span.end - span.start})
             });
             let file = p.labels.first().and_then(|(s, _)| self.sources.get(s.source)).map(|s| s.name.clone());
-            json!({"code": p.code, "severity": "error", "message": p.message, "file": file, "span": place, "help": p.help})
+            json!({"code": p.code, "severity": "error", "message": p.message, "file": file, "span": span, "help": p.help})
         };
         self.problems.iter().map(one).collect()
     }

@@ -53,7 +53,7 @@ pub struct Scope<'a> {
 /// A value without references.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Resolved {
-    /// The value, at the place of the string that referred to it, and the text whose folder a relative path in it starts from
+    /// The value, at the span of the string that refers to it, and the text whose folder a relative path in it starts from
     /// (`None`: the working directory).
     Ready(Node, Option<SourceId>),
     /// It depends on the item, which is not known yet.
@@ -154,7 +154,7 @@ fn scalar_text(value: &Value, name: &str, span: Option<Span>) -> Result<String, 
         Value::Float(x) => Ok(x.to_string()),
         Value::Text(text) | Value::Loose(text) => Ok(text.clone()),
         Value::List(_) | Value::Table(_) => {
-            Err(Problem::new("reference", format!("`${{{name}}}` is a list and cannot stand inside a string"))
+            Err(Problem::new("reference", format!("`${{{name}}}` is a list and cannot be part of a string"))
                 .label(span, "used here")
                 .help("a list needs the whole string to itself"))
         }

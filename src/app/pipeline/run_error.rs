@@ -85,7 +85,7 @@ impl From<StabilizeError> for RunError {
 }
 
 impl RunError {
-    /// The exit status that tells whose fault it is.
+    /// The exit status, which says whose fault it is.
     pub fn exit(&self) -> Exit {
         match self {
             Self::Config(_) | Self::Usage(_) => Exit::Usage,

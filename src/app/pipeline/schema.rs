@@ -46,7 +46,7 @@ pub enum FileFormat {
     Pose,
     /// Weights of a skin, plumbline.weights
     Weights,
-    /// Places of two meshes that belong together, for morph and blend --landmarks
+    /// Corresponding points of two meshes, for morph and blend --landmarks
     Landmarks,
     /// Times painted on a mesh, for blend --paint
     Paint,
@@ -85,7 +85,7 @@ pub fn schema() -> Json {
             "version": {"const": VERSION, "description": "Version of the format"},
             "name": {"type": "string", "description": "Names the run in messages"},
             "vars": {
-                "description": "ArtifactStore that stages refer to as ${vars.NAME}",
+                "description": "Values that stages refer to as ${vars.NAME}",
                 "type": "object",
                 "propertyNames": {"pattern": NAME_PATTERN},
                 "additionalProperties": {"type": ["string", "number", "boolean", "array"]}
@@ -145,7 +145,7 @@ fn inputs(kind: &StageKind) -> Json {
     })
 }
 
-/// The schema of a settings struct, with a reference allowed in place of every value.
+/// The schema of a settings struct, with a reference allowed for every value.
 fn table(settings: &Json) -> Json {
     let empty = Map::new();
     let properties = settings["properties"].as_object().unwrap_or(&empty);

@@ -1,5 +1,5 @@
 //! Checks a table of settings against the schema of its struct: every unknown key, wrong type, value out of range and missing
-//! key at once, each at its own place.
+//! key at once, each at its own span.
 //!
 //! Deserializing a whole table stops at the first fault, so each key is tried alone; what the struct's schema says about
 //! ranges and names is read from there, never repeated.
@@ -22,7 +22,7 @@ pub(super) struct Expected<'a> {
     pub schema: &'a Json,
     /// Keys that must be given.
     pub required: &'a [&'a str],
-    /// Tries a table of settings; the error tells what is wrong with it.
+    /// Tries a table of settings; the error says what is wrong with it.
     pub accepts: &'a dyn Fn(Json) -> Result<(), String>,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Checked {
     pub deferred: Vec<Entry>,
 }
 
-/// Checks `entries`, appending every fault to `problems`. `header` is the place to name a missing key at.
+/// Checks `entries`, appending every fault to `problems`. `header` is the span for a missing key.
 pub(super) fn check_table(
     entries: &[Entry],
     header: Option<Span>,
@@ -47,6 +47,7 @@ pub(super) fn check_table(
     let mut checked = Checked::default();
     let empty = Map::new();
     let properties = expected.schema["properties"].as_object().unwrap_or(&empty);
+    // Each entry by itself, so that every fault is reported at once.
     for entry in entries {
         let Some((key, property)) = property_of(properties, &entry.key) else {
             problems.push(unknown_key(entry, expected, properties));
@@ -63,6 +64,7 @@ pub(super) fn check_table(
             },
         }
     }
+    // Required keys that no entry gives.
     for key in expected.required {
         if !entries.iter().any(|e| property_of(properties, &e.key).is_some_and(|(name, _)| name == *key)) {
             problems.push(missing_key(key, header, expected, properties));
@@ -96,7 +98,7 @@ pub(crate) fn is_fraction(property: &Json) -> bool {
     property["format"] == "fraction"
 }
 
-/// The fraction that a percentage such as `80%` stands for.
+/// The fraction that a percentage such as `80%` means.
 fn fraction_of(text: &str) -> Option<f64> {
     text.trim().strip_suffix('%')?.trim().parse::<f64>().ok().map(|percent| percent / 100.0)
 }
@@ -147,7 +149,7 @@ fn refused(key: &str, node: &Node, expected: &Expected<'_>, reason: &str) -> Pro
     Problem::new("bad-value", format!("`{key}` of {} is wrong: {reason}", expected.what)).label(node.span, "this value")
 }
 
-/// What the node may stand for: text without quotes is first read as TOML, then taken as it is.
+/// What the node may mean: text without quotes is first read as TOML, then taken as it is.
 fn candidates(node: &Node) -> Vec<Node> {
     match &node.value {
         Value::Loose(text) => {
@@ -236,7 +238,7 @@ pub(crate) fn range_text(range: (Option<f64>, Option<f64>)) -> String {
     }
 }
 
-/// Relative paths start from the folder of the text that holds them.
+/// Relative paths start from the folder of the text that contains them.
 fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources) -> Json {
     let folder = base.and_then(|id| sources.get(id)).and_then(|s| s.base.as_ref());
     match (folder, json) {
@@ -250,10 +252,10 @@ fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources
     }
 }
 
-/// Reads a number for the setting `key` of `S` within the range that its schema states: for options that stand for a setting.
+/// Reads a number for the setting `key` of `S` within the range that its schema states: for options that mean a setting.
 ///
 /// # Errors
-/// No number, or out of range; the message tells the range.
+/// No number, or out of range; the message states the range.
 pub fn number_for<S: Stage>(key: &str, text: &str) -> Result<f64, String> {
     number_of(&schema_of::<S>(&[])["properties"][key], text)
 }

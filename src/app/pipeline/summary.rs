@@ -1,4 +1,4 @@
-//! What a finished instance tells: filled by the stages, printed by the command.
+//! The result of a finished instance: filled by the stages, printed by the command.
 
 use std::fmt;
 use std::ops::Range;
@@ -23,7 +23,7 @@ pub struct InputSummary {
 }
 
 impl InputSummary {
-    /// Of a clip and what its decoder tells.
+    /// Of a clip and what its decoder reports.
     pub fn of(input: &Input, video: &VideoInfo) -> Self {
         Self {
             name: input.name().to_owned(),
@@ -89,15 +89,15 @@ pub struct Summary {
 pub struct WindowSummary {
     /// Part of width and height kept.
     pub kept: [f64; 2],
-    /// First and last place of its left (or upper) side, px.
+    /// First and last position of its left (or upper) side, px.
     pub range_px: [f64; 2],
 }
 
 impl fmt::Display for WindowSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ([across, down], [first, last]) = (self.kept, self.range_px);
-        let (share, side, from) = if across < 1.0 { (across, "width", "left") } else { (down, "height", "top") };
-        write!(f, "{:.1} % of the {side} shown, from {first:.0} to {last:.0} px off the {from}", 100.0 * share)
+        let (fraction, side, from) = if across < 1.0 { (across, "width", "left") } else { (down, "height", "top") };
+        write!(f, "{:.1} % of the {side} shown, from {first:.0} to {last:.0} px off the {from}", 100.0 * fraction)
     }
 }
 
@@ -138,19 +138,19 @@ pub struct SurfaceSummary {
 }
 
 impl SurfaceSummary {
-    fn tell(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [low, high] = self.bounds;
-        let place = |p: [f64; 3]| format!("({})", p.map(short).join(", "));
-        let (low, high) = (place(low), place(high));
+        let point = |p: [f64; 3]| format!("({})", p.map(short).join(", "));
+        let (low, high) = (point(low), point(high));
         let Self { name, vertices, faces, .. } = self;
         writeln!(f, "  read      {name}, {vertices} vertices, {faces} faces, from {low} to {high}")?;
         self.repairs.iter().try_for_each(|repair| writeln!(f, "  repair    {repair}"))?;
-        self.deformation.iter().try_for_each(|told| writeln!(f, "  deform    {told}"))?;
-        self.modes.iter().try_for_each(|told| writeln!(f, "  modes     {told}"))?;
-        self.weights.iter().try_for_each(|told| writeln!(f, "  weights   {told}"))?;
-        self.training.iter().try_for_each(|told| writeln!(f, "  train     {told}"))?;
-        self.skeleton.iter().try_for_each(|told| writeln!(f, "  skeleton  {told}"))?;
-        self.morph.iter().try_for_each(|told| writeln!(f, "  morph     {told}"))
+        self.deformation.iter().try_for_each(|line| writeln!(f, "  deform    {line}"))?;
+        self.modes.iter().try_for_each(|line| writeln!(f, "  modes     {line}"))?;
+        self.weights.iter().try_for_each(|line| writeln!(f, "  weights   {line}"))?;
+        self.training.iter().try_for_each(|line| writeln!(f, "  train     {line}"))?;
+        self.skeleton.iter().try_for_each(|line| writeln!(f, "  skeleton  {line}"))?;
+        self.morph.iter().try_for_each(|line| writeln!(f, "  morph     {line}"))
     }
 }
 
@@ -208,7 +208,7 @@ impl fmt::Display for Summary {
         if let Some(input) = &self.input {
             writeln!(f, "  read      {input}")?;
         }
-        self.surface.iter().try_for_each(|surface| surface.tell(f))?;
+        self.surface.iter().try_for_each(|surface| surface.write(f))?;
         let outputs: Vec<String> = self.outputs.iter().map(|p| p.display().to_string()).collect();
         writeln!(f, "  wrote     {}", outputs.join(", "))?;
         let size = self.size.map(|(w, h)| format!(", {w}×{h}")).unwrap_or_default();

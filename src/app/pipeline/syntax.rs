@@ -1,7 +1,7 @@
-//! The syntax tree of a pipeline file: TOML values that remember where they stand.
+//! The syntax tree of a pipeline file: TOML values with their spans.
 //!
 //! A [`Node`] is a value with the [`Span`] it was read from, so that a fault found long after parsing (in a setting, an
-//! edge, a batch item) still points at the text that caused it. Two nodes are equal when their values are, wherever they stand.
+//! edge, a batch item) still points at the text that caused it. Two nodes are equal when their values are, wherever they are.
 
 use toml_edit::{Document, Item, Key, Value as Toml};
 
@@ -38,7 +38,7 @@ pub struct Source {
 pub struct Sources(pub Vec<Source>);
 
 impl Sources {
-    /// Adds a text and tells its id.
+    /// Adds a text and returns its id.
     pub fn add(&mut self, source: Source) -> SourceId {
         self.0.push(source);
         SourceId(self.0.len() - 1)
@@ -60,12 +60,12 @@ impl Sources {
     }
 }
 
-/// A value and the place it was read from (`None`: built by a program).
+/// A value and the span it was read from (`None`: built by a program).
 #[derive(Clone, Debug)]
 pub struct Node {
     /// The value.
     pub value: Value,
-    /// Where it stands.
+    /// Its span.
     pub span: Option<Span>,
 }
 
@@ -78,9 +78,9 @@ pub enum Value {
     Integer(i64),
     /// A number; may be NaN or infinite until it is checked.
     Float(f64),
-    /// A string, which may hold references `${…}`.
+    /// A string, which may contain references `${…}`.
     Text(String),
-    /// Text without quotes, from `--set` or the environment: takes the type that its place asks for.
+    /// Text without quotes, from `--set` or the environment: takes the type of the setting.
     Loose(String),
     /// An array.
     List(Vec<Node>),
@@ -93,7 +93,7 @@ pub enum Value {
 pub struct Entry {
     /// The key, unquoted.
     pub key: String,
-    /// Where the key stands.
+    /// The span of the key.
     pub key_span: Option<Span>,
     /// The value.
     pub node: Node,
@@ -112,7 +112,7 @@ impl PartialEq for Entry {
 }
 
 impl Node {
-    /// A value that no text holds.
+    /// A value without a text.
     pub fn built(value: Value) -> Self {
         Self { value, span: None }
     }
@@ -139,7 +139,7 @@ impl Node {
 }
 
 impl Entry {
-    /// An entry that no text holds.
+    /// An entry without a text.
     pub fn built(key: &str, value: Value) -> Self {
         Self { key: key.to_owned(), key_span: None, node: Node::built(value) }
     }
@@ -148,7 +148,7 @@ impl Entry {
 /// Reads the TOML text of `id`.
 ///
 /// # Errors
-/// The first fault of syntax, duplicate keys among them, with its place.
+/// The first fault of syntax, duplicate keys among them, with its span.
 pub fn parse(sources: &Sources, id: SourceId) -> Result<Vec<Entry>, Problem> {
     let text = sources.get(id).map_or("", |s| s.text.as_str());
     let document = Document::parse(text).map_err(|error| syntax_problem(id, text, &error))?;

@@ -194,7 +194,7 @@ impl fmt::Display for BitRate {
     }
 }
 
-/// Reads a number or a string through `FromStr`, whichever stands there.
+/// Reads a number or a string through `FromStr`, whichever it finds.
 pub(super) fn number_or_text<'de, D, T>(deserializer: D, expected: &'static str) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,

@@ -1,6 +1,6 @@
 //! Which maps may follow one another in a render stage.
 //!
-//! A lens is taken out first, in the clip's own pictures; then the clip is held steady; its shape is changed last. Each map must
+//! A lens is taken out first, in the clip's own pictures; then the clip is stabilized; its shape is changed last. Each map must
 //! know of those before it: points are carried through the lens, importance through the virtual camera.
 
 use super::graph::{Graph, Stage};
@@ -14,11 +14,13 @@ pub(super) fn check(graph: &Graph, stage: &Stage) -> Option<Problem> {
     let maps: Vec<(usize, MapStep)> = edges.filter_map(|e| Some((e.from, graph.stages[e.from].kind.map?))).collect();
     let name = |at: usize| graph.stages[at].name.as_str();
     let problem = |message: String, help: &'static str| Some(Problem::new("warps", message).help(help));
+    // Maps of clips for clips, maps of photos for photos.
     let clip = stage.edges.iter().any(|e| e.output.data == PortType::Frames);
     if let Some((at, _)) = maps.iter().find(|(_, step)| clip == (*step == MapStep::Photo)) {
         let message = format!("`{}` takes the map `{}`, which is of another kind of picture", stage.name, name(*at));
         return problem(message, "maps of video.* and lens.* stages are for clips, those of photo.* stages for photos");
     }
+    // In the order of the steps, at most one map of each.
     if let Some(pair) = maps.windows(2).find(|pair| pair[0].1 >= pair[1].1) {
         let message = format!(
             "`{}` takes the map `{}` after `{}`, which cannot be composed",
@@ -28,6 +30,7 @@ pub(super) fn check(graph: &Graph, stage: &Stage) -> Option<Problem> {
         );
         return problem(message, "order maps as lens.undistort, video.warp, video.retarget, at most one of each");
     }
+    // All maps of one lens.
     let find = |wanted: MapStep| maps.iter().find(|(_, step)| *step == wanted).map(|(at, _)| *at);
     let (lens, steady, shape) = (find(MapStep::Lens), find(MapStep::Steady), find(MapStep::Shape));
     for at in [steady, shape].into_iter().flatten() {
@@ -39,10 +42,11 @@ pub(super) fn check(graph: &Graph, stage: &Stage) -> Option<Problem> {
             );
         }
     }
+    // The change of shape is planned for the stabilized clip.
     if let Some(shape) = shape
         && path_of(graph, shape) != steady.and_then(|at| path_of(graph, at))
     {
-        let message = format!("`{}` is not planned behind what holds `{}` steady", name(shape), stage.name);
+        let message = format!("`{}` is not planned behind what stabilizes `{}`", name(shape), stage.name);
         return problem(
             message,
             "give `path` of video.retarget the path that video.warp takes, and none where there is none",

@@ -39,7 +39,7 @@ pub enum SkinningChoice {
 }
 
 impl SkinningChoice {
-    /// The method; none where a trained model takes its place.
+    /// The method; none where a trained model replaces it.
     pub fn method(self) -> Option<SkinningMethod> {
         if let Self::Method(method) = self { Some(method) } else { None }
     }
@@ -82,11 +82,11 @@ pub struct PoseSettings {
     pub model: Option<String>,
     /// How a surface without a skin is bound to the skeleton
     pub binding: WeightMethod,
-    /// A file of weights in place of `binding` (JSON; `plumbline schema weights` describes it)
+    /// A file of weights, which replaces `binding` (JSON; `plumbline schema weights` describes it)
     #[schemars(extend("format" = "path"))]
     pub weights: Option<String>,
-    /// Keep the details that the surface has at rest, as they turn with the joints; the number holds it to the skinned surface: 1
-    /// as strongly as neighbors hold each other, less lets it leave further
+    /// Keep the details that the surface has at rest, as they rotate with the joints; the number is the weight of the skinned surface: 1
+    /// as much as that of neighbors, less lets it deviate further
     #[schemars(range(min = 1e-9, max = 1e9))]
     pub details: Option<f64>,
     /// Poses: of a movement from its start to its end, of a pose file from rest to the pose; 1: the last alone
@@ -101,7 +101,7 @@ pub struct PoseSettings {
     /// Steps toward the targets of a pose file, at most
     #[schemars(range(min = 1, max = 100_000))]
     pub iterations: u32,
-    /// The output keeps its skeleton and movements, and stands in the pose by its joints: for .glb and .gltf, which are then
+    /// The output keeps its skeleton and movements, and is in the pose by its joints: for .glb and .gltf, which are then
     /// shown with linear blend
     pub rig: bool,
 }
@@ -188,9 +188,9 @@ impl Stage for PoseSettings {
             let last = wanted.last().map(|(pose, _)| pose);
             let mut kept = character;
             kept.clips.retain(|clip| self.clip.as_deref().is_none_or(|name| clip.name() == name));
-            // A movement is shown from rest; a pose is where the joints stand.
-            let stand = if self.clip.is_some() { None } else { last };
-            let model = kept.to_model(stand).map_err(|e| RunError::Internal(e.to_string()))?;
+            // A movement is shown from rest; a pose is the state of the joints.
+            let shown = if self.clip.is_some() { None } else { last };
+            let model = kept.to_model(shown).map_err(|e| RunError::Internal(e.to_string()))?;
             Posed::at_rest(model)
         } else {
             let positions = skinned(context, &character, &wanted, trained.as_ref(), self)?;
@@ -200,7 +200,8 @@ impl Stage for PoseSettings {
     }
 }
 
-/// How far a target may be missed before it is reported, as a fraction of the model's diagonal.
+/// Distance from a target above which it is reported, as a fraction of the model's diagonal: a tenth of a pixel where the model
+/// fills a picture of 1000 px.
 const MISSED: f64 = 1e-4;
 
 /// The surface with its own skin, or bound to the skeleton that is given.
@@ -239,14 +240,16 @@ fn poses(
     settings: &PoseSettings,
 ) -> Result<Vec<Wanted>, RunError> {
     let rest = || (character.skeleton.rest_pose(), character.rest_weights());
-    let share = |k: u32| if settings.frames <= 1 { 1.0 } else { f64::from(k) / f64::from(settings.frames - 1) };
+    let fraction = |k: u32| if settings.frames <= 1 { 1.0 } else { f64::from(k) / f64::from(settings.frames - 1) };
     if let Some(path) = settings.pose.as_deref().map(Path::new) {
+        // A pose file: solve for its targets once, then interpolate from rest.
         let refused = |e: plumbline_shape::character::pose_file::PoseFileError| {
             RunError::Input(format!("{}: {e}", path.display()))
         };
         let wanted = TargetPose::read(path, character).map_err(refused)?;
         let found =
             wanted.solve(character, settings.ik, settings.iterations as usize, &context.job.run()).map_err(refused)?;
+        // Targets out of reach are reported with their distance.
         let far = MISSED * character.model.mesh().diagonal();
         for (k, missed) in found.residuals.iter().enumerate().filter(|(_, m)| **m > far) {
             let unit = if matches!(wanted.targets[k].goal, plumbline_shape::character::ik::Goal::Position { .. }) {
@@ -258,20 +261,21 @@ fn poses(
         }
         let (from, weights) = rest();
         let pose = |k: u32| {
-            let pose = interpolate(&character.skeleton, &from, &found.pose, share(k))
+            let pose = interpolate(&character.skeleton, &from, &found.pose, fraction(k))
                 .map_err(|e| RunError::Internal(e.to_string()))?;
-            let mixed = weights.iter().zip(&wanted.weights).map(|(a, b)| a + (b - a) * share(k)).collect();
+            let mixed = weights.iter().zip(&wanted.weights).map(|(a, b)| a + (b - a) * fraction(k)).collect();
             Ok((pose, mixed))
         };
         return (0..settings.frames).map(pose).collect();
     }
+    // A movement: sample it. Neither: the character at rest.
     let Some(name) = &settings.clip else { return Ok(vec![rest(); settings.frames as usize]) };
     let refused = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
     let clip = character.clip(name).map_err(|e| refused(&e))?;
     let (first, last) = clip.span().unwrap_or((0.0, 0.0));
     let (start, end) = (settings.start.unwrap_or(first), settings.end.unwrap_or(last));
     let pose = |k: u32| {
-        let time = start + (end - start) * share(k);
+        let time = start + (end - start) * fraction(k);
         let pose = clip.pose(&character.skeleton, time, Extrapolation::Constant).map_err(|e| refused(&e))?;
         Ok((pose, clip.weights(&character.rest_weights(), time, Extrapolation::Constant).map_err(|e| refused(&e))?))
     };
@@ -345,8 +349,9 @@ impl Follower {
             }
             Self::Blend(skinner, _) if !morphed => skinner.positions(matrices).map_err(refused),
             Self::Blend(_, method) => {
-                let places = character.morphed(morphs).map_err(refused)?;
-                let mesh = character.model.mesh().with_positions(places).map_err(|e| RunError::Input(e.to_string()))?;
+                let positions = character.morphed(morphs).map_err(refused)?;
+                let mesh =
+                    character.model.mesh().with_positions(positions).map_err(|e| RunError::Input(e.to_string()))?;
                 blend(character, &mesh, *method, run)?.positions(matrices).map_err(refused)
             }
         }
@@ -374,8 +379,9 @@ fn skinned(
 ) -> Result<Vec<Vec<Point3<f64>>>, RunError> {
     let skin = &character.skin;
     let mut follower = Follower::new(character, trained, settings, &context.job.run())?;
-    let refiner =
-        |hold| DetailRefiner::new(character.model.mesh(), skin.weights(), hold, &context.job.run()).map_err(refused);
+    let refiner = |weight| {
+        DetailRefiner::new(character.model.mesh(), skin.weights(), weight, &context.job.run()).map_err(refused)
+    };
     let mut refiner = settings.details.map(refiner).transpose()?;
     let mut positions = Vec::with_capacity(wanted.len());
     for (pose, morphs) in wanted {

@@ -1,4 +1,4 @@
-//! What every body needs: the job, its values, and the way from a stage to the clip it works on.
+//! What every body needs: the job, its values, and the path from a stage to the clip it works on.
 
 use std::time::SystemTime;
 
@@ -124,7 +124,7 @@ struct Source {
     seen: Option<Seen>,
 }
 
-/// What tells that a file was written to.
+/// What shows that a file was written to.
 #[derive(Clone, Copy, PartialEq)]
 struct Seen {
     bytes: u64,

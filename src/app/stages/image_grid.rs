@@ -39,7 +39,7 @@ impl Stage for ImageGridSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "the picture with the grid", bytes_per_px: 6.0, ..MemoryCost::default() }]
     }
 

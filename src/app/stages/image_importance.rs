@@ -1,4 +1,4 @@
-//! `image.importance`: how much each place of a picture matters.
+//! `image.importance`: the importance of each position of a picture.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,12 +26,13 @@ pub struct ImportanceSettings {
 impl Stage for ImportanceSettings {
     const KIND: &'static str = "image.importance";
     const ALIASES: &'static [&'static str] = &["importance"];
-    const SUMMARY: &'static str = "judges how much each place of a picture matters";
+    const SUMMARY: &'static str = "estimates the importance of each position of a picture";
     const INPUTS: &'static [Port] = &[
         Port::one("image", PortType::Image, "the picture"),
         Port::optional("faces", PortType::Faces, "faces, which matter most"),
     ];
-    const OUTPUTS: &'static [Port] = &[Port::one("importance", PortType::Importance, "how much each place matters")];
+    const OUTPUTS: &'static [Port] =
+        &[Port::one("importance", PortType::Importance, "the importance of each position")];
     type Input = (Arc<Photo>, Option<Arc<[Face]>>);
     type Output = (Arc<Importance>,);
 

@@ -46,7 +46,7 @@ impl Stage for ImageLoadSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // Packed as it is decoded, then in planes; 16 bit with alpha is the worst case at 16 bytes.
         vec![MemoryCost { what: "the picture, packed and in planes", frames: 2.0, ..MemoryCost::default() }]
     }

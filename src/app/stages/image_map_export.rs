@@ -1,8 +1,8 @@
 //! `image.map_export`: writes the map of a still picture.
 //!
-//! `PREFIX_x.npy` and `PREFIX_y.npy` hold, for the pixel at column `i`, row `j` of the output, the column and row of the source that
+//! `PREFIX_x.npy` and `PREFIX_y.npy` contain, for the pixel at column `i`, row `j` of the output, the column and row of the source that
 //! its center comes from, pixel centers at integers as OpenCV has them: `src_from_out(i + ½, j + ½) − ½`, NaN where the map is not
-//! defined. `PREFIX_mesh.npy` holds the grid's vertices in the output in the same convention, `(rows, columns, 2)`. `PREFIX.exr` is
+//! defined. `PREFIX_mesh.npy` contains the grid's vertices in the output in the same convention, `(rows, columns, 2)`. `PREFIX.exr` is
 //! for compositors: `R = x/W`, `G = 1 − y/H` of the source, both −1 where the map is not defined.
 //!
 //! Positions are those of the field itself, not of the lattice that it is rendered through.
@@ -73,7 +73,7 @@ impl Stage for MapExportSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "the map at every pixel", bytes_per_px: 24.0, ..MemoryCost::default() }]
     }
 
@@ -92,7 +92,7 @@ impl Stage for MapExportSettings {
         write(context, to_mesh.as_deref(), |file| {
             write_npy(BufWriter::new(file), &[mesh.rows + 1, mesh.cols + 1, 2], &vertices(mesh))
         })?;
-        let share = |values: Vec<f32>, of: usize, up: bool| -> Vec<f32> {
+        let normalized = |values: Vec<f32>, of: usize, up: bool| -> Vec<f32> {
             let one = |v: f32| {
                 let part = (f64::from(v) + 0.5) / of as f64;
                 if v.is_nan() { -1.0 } else { (if up { 1.0 - part } else { part }) as f32 }
@@ -102,7 +102,7 @@ impl Stage for MapExportSettings {
         let source = (photo.frame.width, photo.frame.height);
         drop(photo);
         write(context, to_exr.as_deref(), |file| {
-            let channels = [("R", share(x, source.0, false)), ("G", share(y, source.1, true))];
+            let channels = [("R", normalized(x, source.0, false)), ("G", normalized(y, source.1, true))];
             write_exr((width, height), channels, BufWriter::new(file))
         })?;
         Ok((Written,))

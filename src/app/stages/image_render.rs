@@ -23,7 +23,7 @@ use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_num::run::Run;
 
-/// What stands where the source has no picture.
+/// What fills pixels that the source does not cover.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum PhotoBorder {
@@ -46,7 +46,7 @@ pub enum PhotoBorder {
 pub struct ImageRenderSettings {
     /// How pixels are interpolated
     pub interpolation: video_render::Interpolation,
-    /// What stands where the source has no picture
+    /// What fills pixels that the source does not cover
     pub border: PhotoBorder,
     /// Size of the result, such as 1600x1200; that of the maps if left out
     pub size: Option<PictureSize>,
@@ -68,7 +68,7 @@ impl Stage for ImageRenderSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "the result", frames: 1.0, ..MemoryCost::default() }]
     }
 
@@ -89,7 +89,7 @@ impl Stage for ImageRenderSettings {
     }
 }
 
-/// The picture through a lattice, and what stands where it shows nothing.
+/// The picture through a lattice, and what fills the rest.
 fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings, run: &Run) -> Result<Frame, RenderError> {
     let renderer = renderer(settings);
     if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
@@ -126,7 +126,7 @@ fn resized(map: Option<Arc<PhotoMap>>, natural: (usize, usize), size: (usize, us
     }
 }
 
-/// A map that others hold too.
+/// A map that others use too.
 struct Shared(Arc<PhotoMap>);
 
 impl PointMap for Shared {
@@ -186,7 +186,7 @@ mod tests {
             cut_faces: Vec::new(),
             iterations: 0,
         };
-        Arc::new(PhotoMap { warp, told: serde_json::Map::new() })
+        Arc::new(PhotoMap { warp, report: serde_json::Map::new() })
     }
 
     #[test]

@@ -50,7 +50,7 @@ impl Stage for ImageSaveSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "packed samples", frames: 1.0, ..MemoryCost::default() }]
     }
 

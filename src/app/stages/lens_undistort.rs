@@ -30,13 +30,13 @@ use plumbline_video::stabilize::PointCarrier;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LensUndistortSettings {
-    /// The lens: auto (the focal length that the clip tells, or fov), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP cameras.txt, OCam, our JSON), or a model such as equidistant
+    /// The lens: auto (the focal length in the metadata of the clip, or fov), a file (lensfun XML, OpenCV or Kalibr YAML, Gyroflow JSON, COLMAP cameras.txt, OCam, our JSON), or a model such as equidistant
     #[schemars(extend("format" = "lens"))]
     pub lens: String,
     /// Field of view, degrees, for a lens named by its model
     #[schemars(range(min = 1.0, max = 360.0))]
     pub fov: Option<f64>,
-    /// Along which way the field of view is measured
+    /// The direction along which the field of view is measured
     pub fov_axis: FieldAxis,
     /// How directions become the picture: perspective, stereographic, panini, panini:D, mercator, cylindrical, equirectangular or optimized
     pub to: Target,
@@ -76,7 +76,7 @@ impl Stage for LensUndistortSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid of the map", bytes: 16 << 20, ..MemoryCost::default() }]
     }
 
@@ -205,15 +205,15 @@ mod tests {
     #[test]
     fn a_point_is_carried_to_where_the_picture_shows_it() {
         let lens = undistorted();
-        let places = [(320.0, 180.0), (100.0, 90.0), (500.0, 300.0), (1.0, 1.0)];
+        let points = [(320.0, 180.0), (100.0, 90.0), (500.0, 300.0), (1.0, 1.0)];
         let observation = |(id, (x, y)): (usize, (f32, f32))| Observation { id: id as u32, x, y, background: true };
-        let observations = places.into_iter().enumerate().map(observation).collect();
+        let observations = points.into_iter().enumerate().map(observation).collect();
         let mut tracks = FrameTracks { pts: Timestamp(0), observations, quality: FrameQuality::default() };
         lens.carrier().carry(&mut tracks);
         assert_eq!(tracks.observations.len(), 3, "the corner is cut away");
         for o in &tracks.observations {
             let back = lens.map(Point2::new(f64::from(o.x), f64::from(o.y))).expect("shown");
-            let (x, y) = places[o.id as usize];
+            let (x, y) = points[o.id as usize];
             assert!((back - Point2::new(f64::from(x), f64::from(y))).norm() < 0.01, "{back} of {x}, {y}");
         }
     }

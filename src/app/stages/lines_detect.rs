@@ -31,7 +31,7 @@ pub struct LinesDetectSettings {
     /// Field of view, degrees, for a lens named by its model
     #[schemars(range(min = 1.0, max = 360.0))]
     pub fov: Option<f64>,
-    /// Along which way the field of view is measured
+    /// The direction along which the field of view is measured
     pub fov_axis: FieldAxis,
 }
 
@@ -88,7 +88,7 @@ fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<Lin
     let detection = detect_lines(levels.as_ref(), small.as_ref(), &LineDetectionOptions::default(), run)?;
     let scale = (photo.frame.width as f64 / width as f64, photo.frame.height as f64 / height as f64);
     let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
-    // Of what lies between the ends the lens tells all. More points would be taken for measurements of it, once they are
+    // Of what lies between the ends the lens determines all. More points would be taken for measurements of it, once they are
     // saved and read back.
     let ends = |points: &[Point2]| points.first().into_iter().chain(points.last()).map(at).collect();
     let line = |line: Line| Line { points: ends(&line.points), ..line };

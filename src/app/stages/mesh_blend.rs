@@ -9,7 +9,7 @@ use super::context::Context;
 use super::mesh_morph::MorphSettings;
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
-use super::morphing::{morph_error, of_file, tell, write_report};
+use super::morphing::{morph_error, of_file, report_line, write_report};
 use super::values::Posed;
 use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
@@ -25,14 +25,15 @@ pub struct BlendSettings {
     /// Times painted on the first mesh (`plumbline schema paint` describes the file)
     #[schemars(extend("format" = "path"))]
     pub paint: String,
-    /// Places of both meshes that belong together, for meshes that are not two poses of one (`plumbline schema landmarks`, .cons
+    /// Corresponding points of both meshes, for meshes that are not two poses of one (`plumbline schema landmarks`, .cons
     /// or .yml)
     #[schemars(extend("format" = "path"))]
     pub landmarks: Option<String>,
-    /// Rounds in which the shape is made more rigid towards both meshes
-    #[schemars(range(min = 0, max = 10_000))]
-    pub rounds: u32,
-    /// Shapes on the way from the first mesh to the blend, as NAME_0000.EXT and so on; 1: the blend alone
+    /// Iterations that make the shape more rigid towards both meshes
+    #[serde(alias = "rounds")]
+    #[schemars(range(min = 0, max = 10_000), extend("aliases" = ["rounds"]))]
+    pub iterations: u32,
+    /// Shapes from the first mesh to the blend, as NAME_0000.EXT and so on; 1: the blend alone
     #[schemars(range(min = 1, max = 9999))]
     pub frames: u32,
     /// Also write a report, with the self-intersections of every shape: NAME.html or NAME.json
@@ -45,7 +46,7 @@ impl Default for BlendSettings {
         Self {
             paint: String::new(),
             landmarks: None,
-            rounds: TrajectoryOptions::default().iterations as u32,
+            iterations: TrajectoryOptions::default().iterations as u32,
             frames: 1,
             report: None,
         }
@@ -55,7 +56,7 @@ impl Default for BlendSettings {
 impl Stage for BlendSettings {
     const KIND: &'static str = "mesh.blend";
     const ALIASES: &'static [&'static str] = &["blend"];
-    const SUMMARY: &'static str = "mixes two meshes, each place as far from one to the other as is painted there";
+    const SUMMARY: &'static str = "mixes two meshes, each position as far from one to the other as is painted there";
     const INPUTS: &'static [Port] = MorphSettings::INPUTS;
     const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the blend")];
     const REQUIRED: &'static [&'static str] = &["paint"];
@@ -76,33 +77,36 @@ impl Stage for BlendSettings {
 
     fn run(&self, (first, second): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), CorrespondenceMethod::default(), None)?;
+        // Painted times, extended to all vertices.
         let in_paint = of_file(&self.paint);
         let paint = Paint::read(self.paint.as_ref()).map_err(&in_paint)?;
         let painted = paint.of_mesh(pair.model.mesh()).map_err(&in_paint)?;
         let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere(), &context.job.run())
             .map_err(morph_error)?;
-        let options = TrajectoryOptions { iterations: self.rounds as usize, whole_turns: 0 };
+        // Shapes at fractions of these times.
+        let options = TrajectoryOptions { iterations: self.iterations as usize, whole_turns: 0 };
         let mut trajectory =
             Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
         let mut shapes = Shapes::new(&pair, self.report.is_some());
         for k in 1..=self.frames {
             context.job.check_cancel()?;
             // Several shapes start at the first mesh.
-            let share = if self.frames == 1 { 1.0 } else { f64::from(k - 1) / f64::from(self.frames - 1) };
-            let now: Vec<f64> = times.iter().map(|t| t * share).collect();
+            let fraction = if self.frames == 1 { 1.0 } else { f64::from(k - 1) / f64::from(self.frames - 1) };
+            let now: Vec<f64> = times.iter().map(|t| t * fraction).collect();
             let straight = pair.first.positions().iter().zip(pair.second.positions()).zip(&now);
             let linear: Vec<Point3<f64>> = straight.map(|((a, b), t)| a + (b - a) * *t).collect();
             let x = trajectory.blend(&now, &context.job.run())?;
-            shapes.add((share == 0.0).then_some(0.0), share, &x, &linear, &context.job.run())?;
+            shapes.add((fraction == 0.0).then_some(0.0), fraction, &x, &linear, &context.job.run())?;
         }
+        // The summary and the report.
         let (low, high) = times.iter().fold((f64::MAX, f64::MIN), |(l, h), t| (l.min(*t), h.max(*t)));
-        tell(context, format!("times from {low:.2} to {high:.2}{}", shapes.intersections()));
+        report_line(context, format!("times from {low:.2} to {high:.2}{}", shapes.intersections()));
         let report = json!({
             "version": 1,
             "paint": self.paint,
             "landmarks": self.landmarks,
             "correspondence": pair.quality.as_ref().map(quality_json),
-            "shapes": shapes.told,
+            "shapes": shapes.report,
         });
         let poses = shapes.poses;
         write_report(context, self.report.as_ref(), &report)?;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::context::Context;
-use super::morphing::{morph_error, of_file, pose_of, tell, write_report};
+use super::morphing::{morph_error, of_file, pose_of, report_line, write_report};
 use super::values::Posed;
 use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
@@ -52,9 +52,11 @@ impl Stage for ComposeSettings {
 
     fn run(&self, (base, part): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let (base, part) = (pose_of(&base)?, pose_of(&part)?);
+        // The seam, in vertices of the meshes as they were read.
         let in_seam = of_file(&self.seam);
         let file = SeamFile::read(self.seam.as_ref()).map_err(&in_seam)?;
         let mut options = file.of_meshes(&base, &part).map_err(&in_seam)?;
+        // Both repaired; the seam in vertices of what repair left.
         let [base, part] = [&base, &part].map(|mesh| repair(mesh, &RepairOptions::default(), &context.job.run()));
         let (base, part) = (base?, part?);
         if let Some(surface) = &mut context.summary.surface {
@@ -67,9 +69,10 @@ impl Stage for ComposeSettings {
             .iter()
             .filter_map(|&(a, b)| base.vertex_of_source[a as usize].zip(part.vertex_of_source[b as usize]))
             .collect();
+        // Cut, join, and report.
         let composed = compose(&base.mesh, &part.mesh, &options, &context.job.run()).map_err(morph_error)?;
         let degrees = composed.crease.to_degrees();
-        tell(
+        report_line(
             context,
             format!(
                 "a seam of {} vertices; the cuts were {:.2} % of the base's size apart; faces meet there at {degrees:.0}° at most",

@@ -24,23 +24,23 @@ use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deforme
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MeshDeformSettings {
-    /// Which vertices are held and which are moved: a file of handles (`plumbline schema handles` describes it)
+    /// Which vertices are fixed and which are moved: a file of handles (`plumbline schema handles` describes it)
     #[schemars(extend("format" = "path"))]
     pub handles: String,
     /// How the rest of the surface follows
     pub method: Method,
-    /// What the methods may be told.
+    /// Options of the methods.
     #[serde(flatten)]
     pub options: DeformOptions,
-    /// Where rounds start; a pose after the first one starts from the one before
+    /// The initial guess; a pose after the first one starts from the one before
     pub start: InitialGuess<'static>,
     /// The surface moves up to this far from handles that move, along edges, in units of the mesh; all of it if left out
     #[schemars(range(min = 0.0))]
     pub roi: Option<f64>,
-    /// Rounds at most
+    /// Maximum number of iterations
     #[schemars(range(min = 1, max = 1_000_000))]
     pub iterations: u32,
-    /// It has converged when a round lowers the energy by no more than this share of it
+    /// Relative energy decrease per iteration below which the solver stops
     #[schemars(range(min = 0.0, max = 0.5))]
     pub tolerance: f64,
     /// Poses from the first key of the handles to the last, as NAME_0000.EXT and so on; 1: the last alone
@@ -51,8 +51,8 @@ pub struct MeshDeformSettings {
     pub report: Option<String>,
 }
 
-/// When a deformation is done. A bar that is twisted by 135 degrees rests on a symmetric saddle first, where rounds gain less
-/// than 10⁻⁶ of the energy and end 3.5 % above the minimum; 10⁻⁸ costs half as many rounds again.
+/// When a deformation is done. A bar that is twisted by 135 degrees rests on a symmetric saddle first, where iterations gain less
+/// than 10⁻⁶ of the energy and end 3.5 % above the minimum; 10⁻⁸ costs half as many iterations again.
 const DONE: Convergence = Convergence { max_iterations: 1000, tolerance: 1e-8 };
 
 impl Default for MeshDeformSettings {
@@ -73,7 +73,7 @@ impl Default for MeshDeformSettings {
 
 impl Stage for MeshDeformSettings {
     const KIND: &'static str = "mesh.deform";
-    const SUMMARY: &'static str = "holds and moves a few vertices; the rest of the surface follows and keeps its shape";
+    const SUMMARY: &'static str = "fixes and moves a few vertices; the rest of the surface follows and keeps its shape";
     const INPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the mesh at rest")];
     const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the mesh in its poses")];
     const REQUIRED: &'static [&'static str] = &["handles"];
@@ -115,7 +115,7 @@ impl Stage for MeshDeformSettings {
             poses.push(solvable.carry_back(mesh.positions(), &positions));
             solved.push(Solved { time, report });
         }
-        report::tell(context, &solvable, &solved, self);
+        report::report_deformation(context, &solvable, &solved, self);
         if let Some(path) = &self.report {
             report::write(context, path, &solvable, &solved, self)?;
         }
@@ -124,10 +124,10 @@ impl Stage for MeshDeformSettings {
     }
 }
 
-/// Largest rotation of a handle between two solves: nearer to half a turn, the shortest rotation would soon be the wrong one.
+/// Largest rotation of a handle between two solves: nearer to half a rotation, the shortest rotation would soon be the wrong one.
 const MAX_ROTATION: f64 = 0.8 * PI;
-/// Rounds of solves on the way to a pose: they only have to lead the right way round.
-const ON_THE_WAY: usize = 10;
+/// Iterations of the solves on the path to a pose: they only have to choose the direction of rotation.
+const ON_THE_PATH: usize = 10;
 
 /// A pose and how it was found.
 pub(crate) struct Solved {
@@ -138,8 +138,8 @@ pub(crate) struct Solved {
 /// Times of the poses: the last alone, or evenly from the first to the last.
 fn times(handles: &MeshHandles, frames: u32) -> impl Iterator<Item = f64> + use<> {
     let (first, last) = handles.times();
-    let share = move |i: u32| if frames <= 1 { 1.0 } else { f64::from(i) / f64::from(frames - 1) };
-    (0..frames.max(1)).map(move |i| first * (1.0 - share(i)) + last * share(i))
+    let fraction = move |i: u32| if frames <= 1 { 1.0 } else { f64::from(i) / f64::from(frames - 1) };
+    (0..frames.max(1)).map(move |i| first * (1.0 - fraction(i)) + last * fraction(i))
 }
 
 /// Vertices of handles, and whether they move.
@@ -160,14 +160,14 @@ struct PoseSolver<'b, 'h> {
 }
 
 impl PoseSolver<'_, '_> {
-    /// The pose at a time. Where a handle turns too far from the last pose, or from rest, there are solves on the way.
+    /// The pose at a time. Where a handle rotates too far from the last pose, or from rest, there are solves between.
     fn pose(&mut self, time: f64, run: &Run) -> Result<(Vec<Point3<f64>>, DeformReport), RunError> {
         let from = self.at.unwrap_or(self.bound.start());
-        let turn = self.bound.turn(from, time);
-        let steps = (turn / MAX_ROTATION).ceil().clamp(1.0, 1000.0) as u32;
+        let angle = self.bound.max_rotation(from, time);
+        let steps = (angle / MAX_ROTATION).ceil().clamp(1.0, 1000.0) as u32;
         for step in 1..steps {
             let between = from + (time - from) * f64::from(step) / f64::from(steps);
-            self.solve(between, ON_THE_WAY, run)?;
+            self.solve(between, ON_THE_PATH, run)?;
         }
         let deformed = self.solve(time, self.settings.iterations as usize, run)?;
         Ok((deformed.positions, deformed.report))

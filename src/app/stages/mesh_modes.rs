@@ -1,4 +1,4 @@
-//! `mesh.modes`: how a surface gives way most easily, and its near-rigid parts.
+//! `mesh.modes`: the softest deformations of a surface, and its near-rigid parts.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -80,7 +80,7 @@ impl Stage for MeshModesSettings {
         };
         let divided = self.parts.as_ref().map(|_| parts(&solvable.mesh, &found, &options, &context.job.run()));
         let divided = divided.transpose()?;
-        tell(context, &solvable, &found, divided.as_ref(), self);
+        report_modes(context, &solvable, &found, divided.as_ref(), self);
         if let Some(path) = self.modes.as_deref().map(Path::new) {
             let unfinished = begin(path)?;
             let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
@@ -89,13 +89,13 @@ impl Stage for MeshModesSettings {
             context.summary.outputs.push(path.to_owned());
         }
         if let (Some(path), Some(divided)) = (self.parts.as_deref().map(Path::new), &divided) {
-            context.write_file(path, format!("{}\n", told(divided, &solvable)))?;
+            context.write_file(path, format!("{}\n", parts_json(divided, &solvable)))?;
         }
         Ok((Written,))
     }
 }
 
-fn tell(
+fn report_modes(
     context: &mut Context<'_, '_>,
     solvable: &Solvable,
     found: &Modes,
@@ -142,7 +142,7 @@ fn arrays(found: &Modes, solvable: &Solvable) -> Vec<Array<'static>> {
 }
 
 /// The part of each vertex of the file; null where it is on no triangle.
-fn told(divided: &Parts, solvable: &Solvable) -> serde_json::Value {
+fn parts_json(divided: &Parts, solvable: &Solvable) -> serde_json::Value {
     let of_vertex: Vec<Option<u32>> =
         solvable.vertex_of_source.iter().map(|v| v.map(|v| divided.of_vertex[v as usize])).collect();
     json!({

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::context::Context;
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
-use super::morphing::{morph_error, tell, write_report};
+use super::morphing::{morph_error, report_line, write_report};
 use super::values::Posed;
 use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
@@ -19,7 +19,7 @@ use plumbline_shape::morph::{Trajectory, TrajectoryOptions};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MorphSettings {
-    /// Places of both meshes that belong together, for meshes that are not two poses of one (`plumbline schema landmarks`, .cons
+    /// Corresponding points of both meshes, for meshes that are not two poses of one (`plumbline schema landmarks`, .cons
     /// or .yml)
     #[schemars(extend("format" = "path"))]
     pub landmarks: Option<String>,
@@ -29,12 +29,12 @@ pub struct MorphSettings {
     /// How shapes lie between the meshes.
     #[serde(flatten)]
     pub options: TrajectoryOptions,
-    /// Rounds at most in which a shape that passes through itself is pushed out of itself
+    /// Maximum number of iterations that push a shape out of itself where it passes through itself
     #[schemars(range(min = 0, max = 1000))]
     pub untangle: u32,
     /// How the first mesh is laid over the second
     pub over: CorrespondenceMethod,
-    /// Add vertices until no feature of the second mesh is missed by more than this share of its size; none if left out
+    /// Add vertices until no feature of the second mesh is missed by more than this fraction of its size; none if left out
     #[schemars(range(min = 0.0001, max = 1.0))]
     pub refine: Option<f64>,
     /// Also write a report, with the self-intersections of every shape: NAME.html or NAME.json
@@ -92,6 +92,7 @@ impl Stage for MorphSettings {
 
     fn run(&self, (first, second): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), self.over, self.refine)?;
+        // The trajectory, from one factorization, sampled at even times.
         let mut trajectory =
             Trajectory::new(&pair.first, &pair.second, &self.options, &context.job.run()).map_err(morph_error)?;
         let mut shapes = Shapes::new(&pair, self.report.is_some());
@@ -100,22 +101,26 @@ impl Stage for MorphSettings {
             let time = f64::from(k) / f64::from((self.frames - 1).max(1));
             let x = match self.untangle {
                 0 => trajectory.at(time, &context.job.run())?,
-                rounds => trajectory.untangled(time, rounds as usize, &context.job.run())?.0,
+                iterations => trajectory.untangled(time, iterations as usize, &context.job.run())?.0,
             };
             let linear = trajectory.linear(time);
             shapes.add(Some(time), time, &x, &linear, &context.job.run())?;
         }
+        // What the user should know, and the report.
         if let Some(worse) = shapes.worse_than_linear() {
             context.warn(worse);
         }
-        let turn = trajectory.global_rotation().norm().to_degrees();
-        tell(context, format!("{} shapes, turning by {turn:.1}° as a whole{}", self.frames, shapes.intersections()));
+        let angle = trajectory.global_rotation().norm().to_degrees();
+        report_line(
+            context,
+            format!("{} shapes, rotated by {angle:.1}° as a whole{}", self.frames, shapes.intersections()),
+        );
         let report = json!({
             "version": 1,
             "landmarks": self.landmarks,
-            "turn_deg": turn,
+            "turn_deg": angle,
             "correspondence": pair.quality.as_ref().map(quality_json),
-            "shapes": shapes.told,
+            "shapes": shapes.report,
         });
         let poses = shapes.poses;
         write_report(context, self.report.as_ref(), &report)?;

@@ -56,7 +56,7 @@ impl MeshSaveSettings {
 
 impl Stage for MeshSaveSettings {
     const KIND: &'static str = "mesh.save";
-    const SUMMARY: &'static str = "writes a mesh with what its file held: polygons, texture coordinates, groups";
+    const SUMMARY: &'static str = "writes a mesh with what its file contained: polygons, texture coordinates, groups";
     const INPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the mesh")];
     const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
     const REQUIRED: &'static [&'static str] = &["path"];
@@ -75,7 +75,7 @@ impl Stage for MeshSaveSettings {
         let format = format_of(Path::new(&self.path))?;
         if self.seconds.is_some() && !matches!(format, MeshFormat::Gltf | MeshFormat::Glb) {
             let name = &self.path;
-            return Err(RunError::Usage(format!("`{name}` holds no movement (`seconds` needs .glb or .gltf)")));
+            return Err(RunError::Usage(format!("`{name}` has no movement (`seconds` needs .glb or .gltf)")));
         }
         begin(Path::new(&self.files()[0])).map(drop)
     }
@@ -91,7 +91,7 @@ impl Stage for MeshSaveSettings {
         }
         let options = WriteOptions { ascii: self.ascii };
         for lost in losses(&posed.model, format) {
-            context.warn(format!("{format} does not hold {lost}"));
+            context.warn(format!("{format} cannot store {lost}"));
         }
         for (i, file) in files.iter().enumerate() {
             context.job.check_cancel()?;
@@ -112,7 +112,7 @@ impl Stage for MeshSaveSettings {
 /// All poses as one model that goes through them.
 fn moving(context: &mut Context<'_, '_>, posed: &Posed, seconds: f64, path: &Path) -> Result<Model, MeshError> {
     if posed.model.articulation().is_some() {
-        context.warn(format!("{}: the movements that the mesh had give way to this one", path.display()));
+        context.warn(format!("{}: this movement replaces those that the mesh had", path.display()));
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     animated(&posed.model, &posed.poses, seconds, &name)

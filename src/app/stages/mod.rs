@@ -1,4 +1,4 @@
-//! The stages: one file per kind, which holds its settings, ports and `run`. What several kinds share is in the folders beside
+//! The stages: one file per kind, with its settings, ports and `run`. What several kinds share is in the folders beside
 //! them.
 //!
 //! A pass is run stage by stage in the order of the graph. Stages that only describe a stream (`video.decode`, `video.warp`,
@@ -116,7 +116,7 @@ use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::Summary;
 use context::Context;
 
-/// Every stage kind, in the order of the data's way.
+/// Every stage kind, in the order of the data flow.
 pub static KINDS: [StageKind; 42] = [
     StageKind::of::<DecodeSettings>(),
     StageKind::of::<LensUndistortSettings>(),
@@ -199,7 +199,7 @@ impl StageRunner for BuiltinStages {
 }
 
 /// Evaluates the stages of a graph of still pictures or meshes, and lets go of what no later one takes. A picture takes a
-/// second or two: progress is told by items done.
+/// second or two: progress is reported by items done.
 fn run_still(context: &mut Context<'_, '_>) -> Result<(), RunError> {
     let (job, pass) = (context.job, context.pass);
     for (done, &stage) in pass.stages.iter().enumerate() {

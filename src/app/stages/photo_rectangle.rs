@@ -40,7 +40,7 @@ impl Stage for PhotoRectangleSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid and factor", bytes: 32 << 20, ..MemoryCost::default() }]
     }
 

@@ -8,7 +8,7 @@ use serde_json::{Map, json};
 
 use super::context::Context;
 use super::photo::lens::{self, LensRequest};
-use super::photo::{rectangle, rects, tell_lines, view};
+use super::photo::{rectangle, rects, report_lines, view};
 use super::values::{LineSet, PhotoMap};
 use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
@@ -33,7 +33,7 @@ pub struct PhotoRectifySettings {
     /// Field of view, degrees, for a lens named by its model; found from lines or EXIF if left out
     #[schemars(range(min = 1.0, max = 360.0))]
     pub fov: Option<f64>,
-    /// Along which way the field of view is measured
+    /// The direction along which the field of view is measured
     pub fov_axis: FieldAxis,
     /// Where the viewer looks, degrees from where the camera looked: yaw, pitch, roll
     pub view: ViewAngles,
@@ -78,7 +78,7 @@ impl Stage for PhotoRectifySettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid and factor", bytes: 64 << 20, ..MemoryCost::default() }]
     }
 
@@ -90,6 +90,7 @@ impl Stage for PhotoRectifySettings {
         let set = LineSet::all(lines);
         let faces = rects(faces.as_deref());
         let lines = if set.found { off_faces(set.lines, &faces) } else { set.lines };
+        // The lens: of the lines, or found. Without one a stitched picture becomes a rectangle.
         let found = match set.lens {
             Some(found) => Some(found),
             None => lens::find_unless_stitched(&photo, &lines, LensRequest::of_rectify(self), &context.job.run())?
@@ -102,6 +103,7 @@ impl Stage for PhotoRectifySettings {
         };
         found.warnings.iter().for_each(|w| context.warn(w.clone()));
         context.job.check_cancel()?;
+        // The map; again where the size asked for depends on the size of the result.
         let input = RectifyInput {
             lens: &found.lens,
             lines: &lines,
@@ -115,11 +117,12 @@ impl Stage for PhotoRectifySettings {
             options.size = OutputSize::Exact(wanted.0, wanted.1);
             warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
         }
-        tell_lines(context, &warp.lines);
-        tell_cut_faces(context, &warp.cut_faces);
-        let mut told = Map::new();
+        // The summary and the report.
+        report_lines(context, &warp.lines);
+        warn_of_cut_faces(context, &warp.cut_faces);
+        let mut report = Map::new();
         let lens = &found.lens;
-        told.insert(
+        report.insert(
             "lens".into(),
             json!({
                 "found": found.how,
@@ -128,8 +131,8 @@ impl Stage for PhotoRectifySettings {
                 "center_px": [lens.center.x, lens.center.y],
             }),
         );
-        told.insert("faces".into(), faces.len().into());
-        Ok((Arc::new(PhotoMap { warp, told }),))
+        report.insert("faces".into(), faces.len().into());
+        Ok((Arc::new(PhotoMap { warp, report }),))
     }
 }
 
@@ -146,11 +149,11 @@ fn rectangle_size(settings: &PhotoRectifySettings) -> Option<TargetSize> {
 }
 
 /// Says which faces the crop could not keep.
-fn tell_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {
+fn warn_of_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {
     if !cut.is_empty() {
         let numbers: Vec<String> = cut.iter().map(|k| (k + 1).to_string()).collect();
         context.warn(format!(
-            "the output does not show all of face {}: no such rectangle holds all faces; --crop none keeps them",
+            "the output does not show all of face {}: no such rectangle contains all faces; --crop none keeps them",
             numbers.join(", ")
         ));
     }

@@ -46,14 +46,14 @@ impl Stage for PhotoReportSettings {
 
     fn run(&self, (photo, map): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let name = context.summary.input.as_ref().map(|i| i.name.clone()).unwrap_or_default();
-        let report = told(&map, &name, (photo.frame.width, photo.frame.height));
+        let report = entries(&map, &name, (photo.frame.width, photo.frame.height));
         context.write_report(&self.path, &name, &report)?;
         Ok((Written,))
     }
 }
 
 /// The content of the report. Lengths are in px of the output, angles in degrees.
-fn told(map: &PhotoMap, name: &str, source: (usize, usize)) -> Json {
+fn entries(map: &PhotoMap, name: &str, source: (usize, usize)) -> Json {
     let warp = &map.warp;
     let lines: Vec<Json> = warp.lines.iter().map(line).collect();
     let worst = warp.lines.iter().map(|l| l.max_px).fold(0.0, f64::max);
@@ -66,7 +66,7 @@ fn told(map: &PhotoMap, name: &str, source: (usize, usize)) -> Json {
     all.insert("solves".into(), warp.iterations.into());
     all.insert("worst_line_px".into(), json!(worst));
     all.insert("lines".into(), lines.into());
-    all.extend(map.told.clone());
+    all.extend(map.report.clone());
     Json::Object(all)
 }
 

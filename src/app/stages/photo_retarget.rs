@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, json};
 
 use super::context::Context;
-use super::photo::tell_lines;
+use super::photo::report_lines;
 use super::values::{LineSet, PhotoMap};
 use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
 use crate::pipeline::memory::MemoryCost;
@@ -31,7 +31,7 @@ impl Stage for PhotoRetargetSettings {
     const SUMMARY: &'static str = "finds the map to another shape that spares what matters";
     const INPUTS: &'static [Port] = &[
         Port::one("image", PortType::Image, "the picture"),
-        Port::optional("importance", PortType::Importance, "how much each place matters"),
+        Port::optional("importance", PortType::Importance, "the importance of each position"),
         Port::any("lines", PortType::Lines, "lines to keep straight"),
         Port::optional("faces", PortType::Faces, "faces to keep in shape"),
     ];
@@ -45,7 +45,7 @@ impl Stage for PhotoRetargetSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid and factor", bytes: 16 << 20, ..MemoryCost::default() }]
     }
 
@@ -66,13 +66,13 @@ impl Stage for PhotoRetargetSettings {
         for name in &made.released {
             context.warn(format!("line `{name}` could not stay straight with the others and was let go"));
         }
-        tell_lines(context, &made.warp.lines);
-        let mut told = Map::new();
+        report_lines(context, &made.warp.lines);
+        let mut report = Map::new();
         let (min, max) = (made.window.min, made.window.max);
-        told.insert("window_px".into(), json!([min.x, min.y, max.x, max.y]));
-        told.insert("released".into(), json!(made.released));
-        told.insert("faces".into(), faces.len().into());
-        Ok((Arc::new(PhotoMap { warp: made.warp, told }),))
+        report.insert("window_px".into(), json!([min.x, min.y, max.x, max.y]));
+        report.insert("released".into(), json!(made.released));
+        report.insert("faces".into(), faces.len().into());
+        Ok((Arc::new(PhotoMap { warp: made.warp, report }),))
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a file holds, for `plumbline probe` and for the memory estimates of a plan.
+//! The contents of a file, for `plumbline probe` and for the memory estimates of a plan.
 
 use super::context::{media_error, open_input};
 use crate::pipeline::job::Probed;

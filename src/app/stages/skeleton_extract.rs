@@ -36,7 +36,7 @@ pub struct SkeletonExtractSettings {
     /// About how many joints; as many as bends, ends and junctions need if left out
     #[schemars(range(min = 1, max = 10_000))]
     pub joints: Option<u32>,
-    /// Branches whose end sticks out of the rest of the shape by less than this share of its own half-width are taken away
+    /// Prune terminal branches that extend less than this many local radii beyond the rest of the skeleton
     #[schemars(range(min = 0, max = 100))]
     pub prune: f64,
     /// Ends that stay: auto, the tips of the surface, or a file with numbers of vertices, from 0
@@ -138,7 +138,7 @@ fn rig(
     }
     let wanted = settings.joints.map(|n| n as usize);
     let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
-    tell(context, &skeleton, report, settings);
+    report_curve(context, &skeleton, report, settings);
     Ok(Rig { skeleton, clips: Vec::new(), warnings: Vec::new() })
 }
 
@@ -152,11 +152,13 @@ fn fitted(
     let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
     rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
     let mesh = context.summary.surface.as_ref().map_or_else(|| "the mesh".to_owned(), |s| s.name.clone());
+    // The template fitted to the curve.
     let fit = fit_template(&rig.skeleton, curve, &context.job.run()).map_err(|e| match e {
         FitError::Template { .. } => RunError::Input(format!("{}: {e}", path.display())),
         FitError::Character(_) => RunError::Internal(e.to_string()),
         _ => RunError::Input(format!("{mesh}: {e}")),
     })?;
+    // The summary, and what the user should check.
     let name = |j: u32| fit.skeleton.joints()[j as usize].name.as_str();
     let loose: Vec<_> = fit.limbs.iter().filter(|l| l.stretch.is_none()).collect();
     let line = format!(
@@ -182,8 +184,9 @@ fn fitted(
     }
     if fit.ambiguous {
         let what = "the shape fits the template in two ways, as where left and right look alike";
-        context.warn(format!("{what}; the one that turns it least was taken: look whether the sides are right"));
+        context.warn(format!("{what}; the one with the smallest rotation was taken: look whether the sides are right"));
     }
+    // Its movements, for limbs of the new lengths.
     let clips = rig.clips.iter().map(|clip| fit.retargeted(&rig.skeleton, clip)).collect::<Result<_, _>>();
     let clips = clips.map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
     Ok(Rig { skeleton: fit.skeleton, clips, warnings: Vec::new() })
@@ -251,7 +254,7 @@ fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton, run: &R
     }
 }
 
-fn tell(
+fn report_curve(
     context: &mut Context<'_, '_>,
     skeleton: &Skeleton,
     report: &ExtractionReport,

@@ -33,26 +33,26 @@ use plumbline_shape::mesh::{Model, ReadLimits, TriMesh, read_model};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SkinTrainSettings {
-    /// Meshes of the same vertices and faces in other poses: files, globs or folders; those held out are left out of them
+    /// Meshes of the same vertices and faces in other poses: files, globs or folders; those of `held_out` are left out
     #[schemars(extend("format" = "path"))]
     pub examples: Vec<String>,
-    /// Meshes that are not learnt from, but tell how well the model does on what it has never seen
+    /// Meshes for held-out validation: the model is not trained on them
     #[schemars(extend("format" = "path"))]
     pub held_out: Vec<String>,
-    /// Pose files called as the meshes, that say how the joints stand; from the meshes themselves if left out
+    /// Pose files called as the meshes, with the joints of each; from the meshes themselves if left out
     #[schemars(extend("format" = "path"))]
     pub poses: Vec<String>,
     /// How the surface is bound to the skeleton, which says which joint each triangle belongs to; a mesh with a skin of its own
     /// stays bound as it is, unless a skeleton is given
     pub binding: WeightMethod,
-    /// A file of weights in place of `binding`
+    /// A file of weights, which replaces `binding`
     #[schemars(extend("format" = "path"))]
     pub weights: Option<String>,
-    /// Ridge on what is learnt of the joints' turns, rad²: larger trusts the examples less; found by leaving examples out if left
+    /// Ridge on what is learnt of the joints' rotations, rad²: larger trusts the examples less; found by leaving examples out if left
     /// out
     #[schemars(range(min = 1e-9, max = 1e9))]
     pub ridge: Option<f64>,
-    /// How much linear blending is believed beside what triangles have learnt: what is longer than √(area / hold) follows it; found
+    /// Weight of linear blending against what triangles have learnt: details longer than √(area / hold) follow it; found
     /// by leaving examples out if left out
     #[schemars(range(min = 1e-3, max = 1e9))]
     pub hold: Option<f64>,
@@ -96,27 +96,31 @@ impl Stage for SkinTrainSettings {
     }
 
     fn run(&self, (posed, rig): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let (kept, held) = files(self)?;
+        // The examples, and those for validation.
+        let (kept, validation) = files(self)?;
         let subject = subject(context, &posed, rig.as_deref(), self)?;
-        let (kept, held) = (
+        let (kept, validation) = (
             examples(&subject, &kept, self, &context.job.run())?,
-            examples(&subject, &held, self, &context.job.run())?,
+            examples(&subject, &validation, self, &context.job.run())?,
         );
         context.job.check_cancel()?;
         let examples: Vec<Example> = kept.iter().map(|e| e.example.clone()).collect();
         let (mesh, skeleton) = (subject.model.mesh(), &subject.skeleton);
+        // Train with the regularization weights given or found.
         let options = options(&subject, &examples, self, &context.job.run())?;
         context.job.check_cancel()?;
         let (full, _) =
             RegressionModel::train(mesh, skeleton, &subject.weights, &examples, &options, &context.job.run())
                 .map_err(refused)?;
+        // Reduce the model where prototypes are asked for, then measure both kinds of examples.
         let linear = full.clone();
         let (mut model, file) = form(&subject, full, &examples, self.prototypes, &context.job.run())?;
-        let (kept, held) = (errors(&mut model, &linear, kept)?, errors(&mut model, &linear, held)?);
+        let (kept, validation) = (errors(&mut model, &linear, kept)?, errors(&mut model, &linear, validation)?);
         if let Some(surface) = &mut context.summary.surface {
-            surface.training = Some(told(&kept, &held, mesh.diagonal()));
+            surface.training = Some(error_line(&kept, &validation, mesh.diagonal()));
         }
         context.write_file(Path::new(&self.path), file.to_bytes())?;
+        // The report.
         let Some(path) = &self.report else { return Ok((Written,)) };
         let prototypes = if let Trained::Reduced(reduced) = &model { Some(reduced.shape_count()) } else { None };
         let report = json!({
@@ -128,9 +132,9 @@ impl Stage for SkinTrainSettings {
             "found_by_leaving_out": self.ridge.is_none() || self.hold.is_none(),
             "prototypes": prototypes,
             "examples": entries(&kept),
-            "held_out": entries(&held),
-            "rms": [mean(&kept, |e| e.model), mean(&held, |e| e.model)],
-            "linear_rms": [mean(&kept, |e| e.linear), mean(&held, |e| e.linear)],
+            "held_out": entries(&validation),
+            "rms": [mean(&kept, |e| e.model), mean(&validation, |e| e.model)],
+            "linear_rms": [mean(&kept, |e| e.linear), mean(&validation, |e| e.linear)],
         });
         let name = context.summary.surface.as_ref().map(|s| s.name.clone()).unwrap_or_default();
         context.write_report(path, &name, &report)?;
@@ -213,15 +217,15 @@ fn files(settings: &SkinTrainSettings) -> Result<(Vec<PathBuf>, Vec<PathBuf>), R
         }
         Ok(files)
     };
-    let (mut kept, held) = (found(&settings.examples)?, found(&settings.held_out)?);
-    kept.retain(|file| !held.contains(file));
+    let (mut kept, validation) = (found(&settings.examples)?, found(&settings.held_out)?);
+    kept.retain(|file| !validation.contains(file));
     if kept.len() < MIN_EXAMPLES {
         let count = kept.len();
-        let aside = if held.is_empty() { String::new() } else { format!(", {} held out", held.len()) };
+        let aside = if validation.is_empty() { String::new() } else { format!(", {} held out", validation.len()) };
         let message = format!("{count} examples are too few to learn from (at least {MIN_EXAMPLES}{aside})");
         return Err(RunError::Input(format!("{message}; give more poses of the mesh")));
     }
-    Ok((kept, held))
+    Ok((kept, validation))
 }
 
 fn subject(
@@ -285,7 +289,7 @@ fn examples(
     read.into_iter().map(named).collect()
 }
 
-/// How a mesh is no other pose of the one at rest. Polygons are compared as they stand in the files: how they are cut into
+/// How a mesh is no other pose of the one at rest. Polygons are compared as in the files: how they are cut into
 /// triangles depends on the pose.
 fn other(rest: &Model, model: &Model) -> Option<String> {
     let counts = |m: &Model| (m.mesh().vertex_count(), m.faces().len());
@@ -302,14 +306,14 @@ fn other(rest: &Model, model: &Model) -> Option<String> {
     Some(format!("face {first} has the vertices {found:?} (expected {expected:?})"))
 }
 
-/// How a mesh is too large or small for a pose of the one at rest: joints turn, they do not scale.
+/// How a mesh is too large or small for a pose of the one at rest: joints rotate, they do not scale.
 fn of_other_size(rest: &TriMesh, mesh: &TriMesh) -> Option<String> {
     let times = (mesh.area() / rest.area()).sqrt();
     let expected = format!("expected {} to {}", SIZES.start(), SIZES.end());
     (!SIZES.contains(&times)).then(|| format!("{times:.3} times as large ({expected}); bring both to the same unit"))
 }
 
-/// Pose files that say how the joints stand in examples, where there are any.
+/// Pose files with the joints of examples, where there are any.
 struct Poses(Option<(Vec<PathBuf>, Character)>);
 
 impl Poses {
@@ -388,17 +392,17 @@ fn mean(errors: &[Errors], of: impl Fn(&Errors) -> f64) -> Option<f64> {
 }
 
 /// In a line.
-fn told(kept: &[Errors], held: &[Errors], diagonal: f64) -> String {
-    let share = |errors: &[Errors], of: fn(&Errors) -> f64| {
+fn error_line(kept: &[Errors], validation: &[Errors], diagonal: f64) -> String {
+    let relative = |errors: &[Errors], of: fn(&Errors) -> f64| {
         100.0 * mean(errors, of).unwrap_or(0.0) / diagonal.max(f64::MIN_POSITIVE)
     };
     let both = |errors: &[Errors]| {
-        let (model, linear) = (share(errors, |e| e.model), share(errors, |e| e.linear));
+        let (model, linear) = (relative(errors, |e| e.model), relative(errors, |e| e.linear));
         format!("{model:.3} % of the diagonal off (linear blend {linear:.3} %)")
     };
     let mut line = format!("{} poses, {}", kept.len(), both(kept));
-    if !held.is_empty() {
-        let _ = write!(line, "; {} held out, {}", held.len(), both(held));
+    if !validation.is_empty() {
+        let _ = write!(line, "; {} held out, {}", validation.len(), both(validation));
     }
     line
 }

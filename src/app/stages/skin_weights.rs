@@ -83,6 +83,7 @@ fn warn(context: &mut Context<'_, '_>, report: &WeightReport, options: &WeightOp
         context.warn(format!("no vertex follows {}", names.join(", ")));
     }
     if options.method == WeightMethod::BoundedBiharmonic && report.residual > 1e-3 {
-        context.warn(format!("weights are exact to {:.0e} only after {} rounds", report.residual, report.iterations));
+        context
+            .warn(format!("weights are exact to {:.0e} only after {} iterations", report.residual, report.iterations));
     }
 }

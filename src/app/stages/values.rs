@@ -1,6 +1,6 @@
 //! What flows between stages of pictures and meshes, and the port types that it travels under.
 //!
-//! Everything is held by reference count and let go after the last stage that takes it.
+//! Everything is counted by reference and dropped after the last stage that takes it.
 
 use std::sync::Arc;
 
@@ -47,7 +47,7 @@ impl PortValue for Arc<Rig> {
 #[derive(Clone, Debug, Default)]
 pub struct LineSet {
     pub(crate) lines: Vec<Line>,
-    /// `None` for lines that were marked: they may tell the lens themselves.
+    /// `None` for lines that were marked: they may determine the lens themselves.
     pub(crate) lens: Option<Arc<Found>>,
     /// They were found, not marked: each is two ends, and between them as straight as the lens says.
     pub(crate) found: bool,
@@ -65,11 +65,11 @@ impl LineSet {
     }
 }
 
-/// A map of a picture, and what is told of it.
+/// A map of a picture, and the report on it.
 pub struct PhotoMap {
     pub(crate) warp: PhotoWarp,
-    /// What else a report tells.
-    pub(crate) told: serde_json::Map<String, serde_json::Value>,
+    /// Further entries of the report.
+    pub(crate) report: serde_json::Map<String, serde_json::Value>,
 }
 
 /// A mesh between stages: the model as it was read, and beside it the poses that it was given. Files are written from the model,

@@ -41,7 +41,7 @@ impl Stage for DecodeSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // A decoder keeps up to 16 reference frames and one per thread in flight; 4 wait in the queue to the next stage.
         vec![MemoryCost { what: "decoder and queue", frames: 22.0, ..MemoryCost::default() }]
     }

@@ -31,7 +31,7 @@ pub struct EncodeSettings {
     pub preset: Option<String>,
     /// Average bit rate instead of constant quality, such as 6M
     pub bitrate: Option<BitRate>,
-    /// A stream that the container cannot hold is an error, not a warning
+    /// A stream that the container cannot store is an error, not a warning
     pub strict: bool,
 }
 
@@ -70,7 +70,7 @@ impl Stage for EncodeSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // Measured with x264 at 640×360 and 1920×1080 as peak memory over bytes of a frame: 58 frames at `veryfast` (10 ahead),
         // 116 at `medium` (40 ahead, and references at four half-pixel positions); the same for joined pictures of twice the size.
         let quick = matches!(self.preset.as_deref(), Some("ultrafast" | "superfast" | "veryfast"));

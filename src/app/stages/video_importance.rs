@@ -45,9 +45,10 @@ pub struct VideoImportanceSettings {
 
 impl Stage for VideoImportanceSettings {
     const KIND: &'static str = "video.importance";
-    const SUMMARY: &'static str = "judges how much each place of a clip matters, six times a second";
-    const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip to judge")];
-    const OUTPUTS: &'static [Port] = &[Port::one("importance", PortType::Importance, "how much each place matters")];
+    const SUMMARY: &'static str = "estimates the importance of each position of a clip, six times a second";
+    const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip to analyze")];
+    const OUTPUTS: &'static [Port] =
+        &[Port::one("importance", PortType::Importance, "the importance of each position")];
     type Input = Wired;
     type Output = HandedOn;
 
@@ -55,7 +56,7 @@ impl Stage for VideoImportanceSettings {
         TemporalScope::Reduce
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // 1300 bytes per moment; the detector's model and pyramid.
         vec![
             MemoryCost { what: "importance", bytes_per_clip_frame: 1300.0 / 5.0, ..MemoryCost::default() },
@@ -68,27 +69,27 @@ impl Stage for VideoImportanceSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        judge(context, stage).map(|()| HandedOn)
+        estimate(context, stage).map(|()| HandedOn)
     }
 }
 
-/// Moments judged per second. Importance is evened out over a second: more would tell nothing new.
+/// Moments analyzed per second. Importance is evened out over a second: more would add nothing.
 const PER_SECOND: f64 = 6.0;
-/// Moments from one search for faces to the next.
+/// Moments from one search for faces to the next: two searches per second.
 const FACES_EVERY: usize = 3;
 /// The longer side of the picture in which faces are searched, px: those that matter to a cut are a tenth of the picture high.
 const FACES_SIDE: usize = 480;
-/// The longer side of the picture that is judged, px. The result is kept in 48 cells across.
-const JUDGED_SIDE: usize = 240;
+/// The longer side of the picture that is analyzed, px. The result is kept in 48 cells across.
+const ANALYSIS_SIDE: usize = 240;
 
-/// How much the places of a clip matter.
-pub(super) struct Watched {
+/// The importance of the positions of a clip.
+pub(super) struct EstimatedImportance {
     pub(super) importance: ClipImportance,
     pub(super) video: VideoInfo,
 }
 
-/// A clip being judged.
-pub(super) struct Watching {
+/// Estimates the importance of a clip frame by frame.
+pub(super) struct ImportanceEstimator {
     stage: usize,
     video: VideoInfo,
     importance: ClipImportance,
@@ -101,7 +102,7 @@ pub(super) struct Watching {
     moments: usize,
 }
 
-impl Watching {
+impl ImportanceEstimator {
     pub(super) fn new(stage: usize, settings: &VideoImportanceSettings, video: &VideoInfo) -> Result<Self, RunError> {
         let mask = |path: &String| Ok::<_, RunError>((path.clone(), painted_mask(Path::new(path))?));
         let options = FaceOptions { max_side: FACES_SIDE, ..FaceOptions::default() };
@@ -119,8 +120,8 @@ impl Watching {
         })
     }
 
-    /// Looks at the next frame; `cut`: it is the first of a shot.
-    pub(super) fn look(&mut self, frame: &Frame, cut: bool) -> Result<(), RunError> {
+    /// Takes the next frame; `cut`: it is the first of a shot.
+    pub(super) fn push(&mut self, frame: &Frame, cut: bool) -> Result<(), RunError> {
         let index = self.seen;
         self.seen += 1;
         if !(cut || index.is_multiple_of(self.stride)) {
@@ -130,7 +131,7 @@ impl Watching {
             self.faces = detector.detect(frame, &Run::default())?;
         }
         self.moments = if cut { 1 } else { self.moments + 1 };
-        let options = ImportanceOptions { max_side: JUDGED_SIDE, ..ImportanceOptions::default() };
+        let options = ImportanceOptions { max_side: ANALYSIS_SIDE, ..ImportanceOptions::default() };
         let mask = self.mask.as_ref().map(|(_, mask)| mask);
         let judged = Importance::of_frame(frame, &self.faces, mask, &options, &Run::default());
         let judged = judged.map_err(|e| match &self.mask {
@@ -144,26 +145,30 @@ impl Watching {
     /// Hands the result on.
     pub(super) fn finish(self, context: &mut Context<'_, '_>) {
         let Self { stage, importance, video, .. } = self;
-        context.values.put(stage, "importance", Watched { importance, video });
+        context.values.put(stage, "importance", EstimatedImportance { importance, video });
     }
 }
 
-/// The `video.importance` stages of this pass that look at the pictures of decode stage `decode`.
-pub(super) fn watchers(context: &Context<'_, '_>, decode: usize, video: &VideoInfo) -> Result<Vec<Watching>, RunError> {
+/// The `video.importance` stages of this pass that take the pictures of decode stage `decode`.
+pub(super) fn importance_estimators(
+    context: &Context<'_, '_>,
+    decode: usize,
+    video: &VideoInfo,
+) -> Result<Vec<ImportanceEstimator>, RunError> {
     let settings = |s: usize| context.stage(s).settings.clone();
     let mut found = Vec::new();
     for &stage in &context.pass.stages {
         if let Some(own) = settings(stage).get::<VideoImportanceSettings>()
             && context.edge(stage, "frames").is_some_and(|e| e.from == decode)
         {
-            found.push(Watching::new(stage, own, video)?);
+            found.push(ImportanceEstimator::new(stage, own, video)?);
         }
     }
     Ok(found)
 }
 
-/// Judges a clip that no stage of this pass tracks; where one does, it looks as it tracks.
-fn judge(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
+/// Estimates a clip that no stage of this pass tracks; where one does, the estimators take its frames.
+fn estimate(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
     let decode = context.required(stage, "frames")?.from;
     let tracks = |s: &usize| {
         context.stage(*s).settings.get::<TrackSettings>().is_some()
@@ -174,14 +179,14 @@ fn judge(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
     }
     let (_, reader) = context.open(decode)?;
     let video = reader.info().clone();
-    let mut watching = watchers(context, decode, &video)?;
-    watching.retain(|w| w.stage == stage);
+    let mut estimators = importance_estimators(context, decode, &video)?;
+    estimators.retain(|e| e.stage == stage);
     context.job.progress.begin(context.pass.index, "judge", video.frames_estimate);
     let report =
-        for_each_frame(context.job, reader, |frame| watching.iter_mut().try_for_each(|w| w.look(&frame, false)))?;
+        for_each_frame(context.job, reader, |frame| estimators.iter_mut().try_for_each(|e| e.push(&frame, false)))?;
     context.report_damage(&report);
-    for watcher in watching {
-        watcher.finish(context);
+    for estimator in estimators {
+        estimator.finish(context);
     }
     Ok(())
 }

@@ -16,7 +16,7 @@ impl Stage for MotionSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // A homography, a similarity and the verdicts of one frame.
         vec![MemoryCost { what: "motion", bytes_per_clip_frame: 192.0, ..MemoryCost::default() }]
     }

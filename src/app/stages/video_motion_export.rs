@@ -96,8 +96,8 @@ fn export(context: &mut Context<'_, '_>, stage: usize, settings: &MotionExportSe
         written.file(Path::new(path), |out| Ok(write_csv(motion, out)?))?;
     }
     let warnings = std::mem::take(&mut written.warnings);
-    let told = written.publish()?;
-    context.summary.outputs.extend(told);
+    let outputs = written.publish()?;
+    context.summary.outputs.extend(outputs);
     for warning in warnings {
         context.warn(warning);
     }
@@ -112,18 +112,22 @@ struct Written {
     files: Vec<(AtomicFile, PathBuf)>,
     /// Files of an earlier run that would be taken for these.
     stale: Vec<PathBuf>,
-    /// What the user is told of.
-    told: Vec<PathBuf>,
+    /// Files and folders that the summary names.
+    outputs: Vec<PathBuf>,
     warnings: Vec<String>,
 }
 
 impl Written {
     fn file(&mut self, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>) -> Result<(), RunError> {
-        self.told.push(path.to_owned());
-        self.untold(path, write)
+        self.outputs.push(path.to_owned());
+        self.unlisted(path, write)
     }
 
-    fn untold(&mut self, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>) -> Result<(), RunError> {
+    fn unlisted(
+        &mut self,
+        path: &Path,
+        write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>,
+    ) -> Result<(), RunError> {
         let unfinished = begin(path)?;
         let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
         let mut out = BufWriter::new(file);
@@ -144,14 +148,14 @@ impl Written {
             let folder = if models.len() == 1 { folder.to_owned() } else { folder.join(k.to_string()) };
             std::fs::create_dir_all(&folder).map_err(|e| cannot(&folder, &e))?;
             for (name, write) in colmap::FILES {
-                self.untold(&folder.join(name), |out| Ok(write(model, out)?))?;
+                self.unlisted(&folder.join(name), |out| Ok(write(model, out)?))?;
             }
         }
         if models.len() > 1 {
-            // A model in the folder itself would be read in place of those in its folders.
+            // A model in the folder itself would be read instead of those in its folders.
             self.stale.extend(colmap::FILES.iter().map(|(name, _)| folder.join(name)).filter(|f| f.exists()));
         }
-        self.told.push(folder.to_owned());
+        self.outputs.push(folder.to_owned());
         Ok(())
     }
 
@@ -162,7 +166,7 @@ impl Written {
         for path in self.stale {
             std::fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;
         }
-        Ok(self.told)
+        Ok(self.outputs)
     }
 }
 

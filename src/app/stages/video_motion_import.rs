@@ -1,6 +1,6 @@
 //! `video.motion_import`: motion and points from a motion file or a COLMAP model, checked against the clip.
 //!
-//! Where the container tells number and rate of the frames, and those are the file's, the clip is not decoded here. Else, and
+//! Where the container states number and rate of the frames, and those are the file's, the clip is not decoded here. Else, and
 //! always for a model, which knows no times, its frames are counted and their times read first.
 
 use std::path::Path;
@@ -38,7 +38,7 @@ pub struct MotionImportSettings {
 
 impl Stage for MotionImportSettings {
     const KIND: &'static str = "video.motion_import";
-    const SUMMARY: &'static str = "reads motion and points from a file in place of tracking the clip";
+    const SUMMARY: &'static str = "reads motion and points from a file instead of tracking the clip";
     const INPUTS: &'static [Port] =
         &[Port::one("frames", PortType::Frames, "the clip that they are of; its size and times are compared")];
     const OUTPUTS: &'static [Port] = &[
@@ -53,7 +53,7 @@ impl Stage for MotionImportSettings {
         TemporalScope::Once
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // As video.motion and video.track: the file is read point by point.
         vec![
             MemoryCost { what: "motion", bytes_per_clip_frame: 192.0, ..MemoryCost::default() },
@@ -101,7 +101,7 @@ fn from_motion_file(
     }
     if !file.has_tracks() {
         let help = "frames follow the planned camera, and nothing bends them";
-        context.warn(format!("{} holds no tracks: {help}", path.display()));
+        context.warn(format!("{} has no tracks: {help}", path.display()));
     }
     Ok(file.into_motion()?)
 }

@@ -22,7 +22,7 @@ pub enum Interpolation {
     Lanczos3,
 }
 
-/// What stands where the source has no picture.
+/// What fills pixels that the source does not cover.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Border {
@@ -45,7 +45,7 @@ pub enum Border {
 pub struct RenderSettings {
     /// How pixels are interpolated
     pub interpolation: Interpolation,
-    /// What stands where the source has no picture
+    /// What fills pixels that the source does not cover
     pub border: Border,
     /// Most memory for the neighboring frames of the border fill
     pub fill_memory: ByteSize,
@@ -82,12 +82,12 @@ impl Stage for RenderSettings {
         }
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
-        let mut held = vec![MemoryCost { what: "frames at work", frames: 4.0, ..MemoryCost::default() }];
+    fn memory(&self) -> Vec<MemoryCost> {
+        let mut costs = vec![MemoryCost { what: "frames at work", frames: 4.0, ..MemoryCost::default() }];
         if self.border == Border::Fill {
-            held.push(MemoryCost { what: "neighboring frames", bytes: self.fill_memory.0, ..MemoryCost::default() });
+            costs.push(MemoryCost { what: "neighboring frames", bytes: self.fill_memory.0, ..MemoryCost::default() });
         }
-        held
+        costs
     }
 
     // Only describes a stream: the stage at its end pulls frames through it.

@@ -53,7 +53,7 @@ impl Stage for ReportSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // A dozen pictures of at most 640 px, twice while the page is put together; a dozen plots with two curves each, as
         // numbers and as text.
         vec![MemoryCost {
@@ -131,7 +131,7 @@ fn gathered(context: &Context<'_, '_>, stage: usize) -> Result<Report, RunError>
         path: plots(motion, path, &windows, shown),
         path_note: in_plane::NOTE.to_owned(),
         crop_over_time: Some(crop_chart(path)),
-        cameras: motion.cameras.as_ref().map(|cameras| in_space::told(cameras, path, shown)),
+        cameras: motion.cameras.as_ref().map(|cameras| in_space::cameras(cameras, path, shown)),
         moments: album.moments(&windows, path),
         warnings: summary.warnings.clone(),
     })

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::context::Context;
 use super::lens_undistort::{Undistorted, even_size};
-use super::video_importance::Watched;
+use super::video_importance::EstimatedImportance;
 use crate::pipeline::graph::Graph;
 use crate::pipeline::kind::{MapStep, Stage};
 use crate::pipeline::memory::MemoryCost;
@@ -44,9 +44,9 @@ impl Stage for VideoRetargetSettings {
     const KIND: &'static str = "video.retarget";
     const SUMMARY: &'static str = "finds the map of each frame to another shape that keeps and spares what matters";
     const INPUTS: &'static [Port] = &[
-        Port::one("importance", PortType::Importance, "how much each place of the clip matters"),
+        Port::one("importance", PortType::Importance, "the importance of each position of the clip"),
         Port::one("motion", PortType::Motion, "shots, and the motion along which importance is followed"),
-        Port::optional("path", PortType::Path, "the virtual camera, where the clip is held steady first"),
+        Port::optional("path", PortType::Path, "the virtual camera, where the clip is stabilized first"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "one map per frame")];
     const REQUIRED: &'static [&'static str] = &["size"];
@@ -54,8 +54,8 @@ impl Stage for VideoRetargetSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<MemoryCost> {
-        // Places of sixty rows and columns per moment, twice while they are evened out.
+    fn memory(&self) -> Vec<MemoryCost> {
+        // Positions of sixty rows and columns per moment, twice while they are evened out.
         vec![MemoryCost { what: "rows and columns", bytes_per_clip_frame: 200.0, ..MemoryCost::default() }]
     }
 
@@ -66,7 +66,7 @@ impl Stage for VideoRetargetSettings {
 
 /// Finds the grids.
 fn retarget(context: &mut Context<'_, '_>, stage: usize, settings: &VideoRetargetSettings) -> Result<(), RunError> {
-    let watched: &Watched = context.values.get(context.required(stage, "importance")?)?;
+    let estimated: &EstimatedImportance = context.values.get(context.required(stage, "importance")?)?;
     let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
     let path: Option<&VirtualPath> = context.edge(stage, "path").map(|edge| context.values.get(edge)).transpose()?;
     let lens = lens_behind(context.job.graph(), stage).and_then(|at| context.values.at::<Undistorted>(at, "warp"));
@@ -79,9 +79,9 @@ fn retarget(context: &mut Context<'_, '_>, stage: usize, settings: &VideoRetarge
         ClipData { size, times_s: &times_s, shots: &motion.shots, motion: &steps, shown_from_src: shown, judged };
     let options = ClipRetargetOptions { crop_below: settings.crop_below, ..ClipRetargetOptions::default() };
     let wanted = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
-    let out = coded_size(wanted, size, &watched.video);
+    let out = coded_size(wanted, size, &estimated.video);
     let grids: Result<ClipGrids, RetargetError> =
-        retarget_clip(&clip, &watched.importance, out, &options, &context.job.run());
+        retarget_clip(&clip, &estimated.importance, out, &options, &context.job.run());
     let grids = grids.map_err(|e| match e {
         RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(e.to_string()),
         other => RunError::Input(other.to_string()),
@@ -104,21 +104,21 @@ fn lens_behind(graph: &Graph, stage: usize) -> Option<usize> {
     None
 }
 
-/// The size of the coded picture that a player shows as asked: turned where the clip is, in its pixels, with even sides.
+/// The size of the coded picture that a player shows as asked: rotated where the clip is, in its pixels, with even sides.
 fn coded_size(target: TargetSize, size: (usize, usize), video: &VideoInfo) -> (usize, usize) {
-    let turned = (video.rotation_deg / 90.0).round().rem_euclid(2.0) == 1.0;
+    let rotated = (video.rotation_deg / 90.0).round().rem_euclid(2.0) == 1.0;
     match target {
         TargetSize::Size(PictureSize::Pixels(size)) => {
             let (width, height) = (size.width as usize, size.height as usize);
-            if turned { (height, width) } else { (width, height) }
+            if rotated { (height, width) } else { (width, height) }
         }
         TargetSize::Size(relative) => {
-            let shown = relative.pixels(if turned { (size.1, size.0) } else { size });
-            let (width, height) = if turned { (shown.1, shown.0) } else { shown };
+            let shown = relative.pixels(if rotated { (size.1, size.0) } else { size });
+            let (width, height) = if rotated { (shown.1, shown.0) } else { shown };
             even_size((width as f64, height as f64), video)
         }
         TargetSize::Shape(AspectRatio { width: across, height: down }) => {
-            let (across, down) = if turned { (down, across) } else { (across, down) };
+            let (across, down) = if rotated { (down, across) } else { (across, down) };
             let pixel = video.sample_aspect.map_or(1.0, plumbline_media::Ratio::value);
             let ratio = AspectRatio::new(across / pixel, down).value();
             let (width, height) = (size.0 as f64, size.1 as f64);

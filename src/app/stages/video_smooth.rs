@@ -32,7 +32,7 @@ impl Stage for SmoothSettings {
         self.leaves_no_room().then_some(Conflict { key: "zoom", message, help }).into_iter().collect()
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // One homography and one crop per frame, and the optimizer's rows of the same order.
         vec![MemoryCost { what: "path", bytes_per_clip_frame: 80.0, ..MemoryCost::default() }]
     }

@@ -1,6 +1,6 @@
 //! `video.stmap`: the map of each frame as a picture, sampled where the renderer would sample it.
 //!
-//! The pixel at column `i`, row `j` of the output holds the place `(x, y)` of the source from which its center
+//! The pixel at column `i`, row `j` of the output contains the position `(x, y)` of the source from which its center
 //! `(i + ½, j + ½)` comes:
 //!
 //! ```text
@@ -58,7 +58,7 @@ impl Stage for StMapSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // Two floats per pixel, and the library's blocks of them, for as many frames as threads; eight of them as a bound.
         vec![MemoryCost { what: "maps being written", bytes_per_px: 8.0 * 16.0, ..MemoryCost::default() }]
     }
@@ -128,9 +128,9 @@ fn write_all(
 /// `R` and `G` of every pixel, row by row, for a source of so many px.
 fn channels(lattice: &Lattice, source: (usize, usize)) -> (Vec<f32>, Vec<f32>) {
     let (width, height) = lattice.size();
-    let place = |i: usize, j: usize| lattice.src_from_out(Point2::new(i as f64 + 0.5, j as f64 + 0.5));
+    let position = |i: usize, j: usize| lattice.src_from_out(Point2::new(i as f64 + 0.5, j as f64 + 0.5));
     let value = |(i, j)| {
-        let shown = place(i, j).map(|p| ((p.x / source.0 as f64) as f32, (1.0 - p.y / source.1 as f64) as f32));
+        let shown = position(i, j).map(|p| ((p.x / source.0 as f64) as f32, (1.0 - p.y / source.1 as f64) as f32));
         shown.unwrap_or((-1.0, -1.0))
     };
     (0..height).flat_map(|j| (0..width).map(move |i| (i, j))).map(value).unzip()

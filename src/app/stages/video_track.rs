@@ -6,7 +6,7 @@ use super::clip::stream::for_each_frame;
 use super::clip::summary::shot_segment;
 use super::context::Context;
 use super::lens_undistort::Undistorted;
-use super::video_importance::watchers;
+use super::video_importance::importance_estimators;
 use crate::pipeline::kind::{Settings, Stage};
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
@@ -30,7 +30,7 @@ impl Stage for TrackSettings {
     type Input = Wired;
     type Output = HandedOn;
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // Two frames' luma pyramids (1 + 1/4 + 1/16 + … = 4/3 each); tracks go to a temporary file at 8 bytes per point.
         vec![
             MemoryCost { what: "two luma pyramids", bytes_per_px: 8.0 / 3.0, ..MemoryCost::default() },
@@ -62,16 +62,16 @@ fn analyze(context: &mut Context<'_, '_>, stage: usize, settings: &TrackSettings
         None => None,
     };
     let mut tracker = ClipTracker::new(&clip_info(&video), settings, lens.as_ref().map(Undistorted::carrier))?;
-    let mut watching = watchers(context, decode, &video)?;
+    let mut estimators = importance_estimators(context, decode, &video)?;
     context.job.progress.begin(context.pass.index, "analyze", video.frames_estimate);
     let report = for_each_frame(context.job, reader, |frame| {
         let cut = tracker.push(&frame)?;
-        watching.iter_mut().try_for_each(|w| w.look(&frame, cut))
+        estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
     })?;
     context.report_damage(&report);
     let (motion, tracks) = tracker.finish()?;
-    for watcher in watching {
-        watcher.finish(context);
+    for estimator in estimators {
+        estimator.finish(context);
     }
     let motions: Vec<usize> =
         context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();

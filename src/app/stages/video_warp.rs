@@ -28,7 +28,7 @@ impl Stage for WarpSettings {
         TemporalScope::Window(FADE)
     }
 
-    fn held(&self) -> Vec<MemoryCost> {
+    fn memory(&self) -> Vec<MemoryCost> {
         // Two unknowns per vertex; a nested-dissection factor of a grid of this size has about 60 entries per unknown.
         let unknowns = 2 * u64::from(self.columns + 1) * u64::from(self.rows + 1);
         vec![MemoryCost { what: "mesh and its factor", bytes: unknowns * (60 * 8 + 4 * 8), ..MemoryCost::default() }]

@@ -25,7 +25,7 @@ pub struct Tick {
     pub total: Option<u64>,
     /// Frames per second of this pass.
     pub fps: f64,
-    /// Seconds to the end of the task, all passes taken to be equally long; `None` while there is too little to tell from.
+    /// Seconds to the end of the task, all passes taken to be equally long; `None` while there is too little to estimate it from.
     pub eta_s: Option<f64>,
 }
 
@@ -137,17 +137,17 @@ pub struct TaskProgress<'a> {
 struct State {
     tick: Tick,
     pass_started: Instant,
-    told: Option<Instant>,
+    reported: Option<Instant>,
 }
 
 impl<'a> TaskProgress<'a> {
-    /// Events closer together than this are not told.
+    /// Events closer together than this are not reported.
     const MIN_INTERVAL: Duration = Duration::from_millis(100);
 
     /// For a task of `passes` passes.
     pub fn new(sink: &'a dyn Progress, task: &'a str, passes: usize) -> Self {
         let tick = Tick { pass: 1, passes, label: String::new(), done: 0, total: None, fps: 0.0, eta_s: None };
-        let state = State { tick, pass_started: Instant::now(), told: None };
+        let state = State { tick, pass_started: Instant::now(), reported: None };
         Self { sink, task, state: Mutex::new(state) }
     }
 
@@ -157,7 +157,7 @@ impl<'a> TaskProgress<'a> {
         state.tick =
             Tick { pass: pass + 1, label: label.to_owned(), done: 0, total, fps: 0.0, eta_s: None, ..state.tick };
         state.pass_started = Instant::now();
-        state.told = None;
+        state.reported = None;
     }
 
     /// `done` frames of the pass are done.
@@ -165,10 +165,10 @@ impl<'a> TaskProgress<'a> {
         let now = Instant::now();
         let Ok(mut state) = self.state.lock() else { return };
         let complete = state.tick.total == Some(done);
-        if !complete && state.told.is_some_and(|t| now - t < Self::MIN_INTERVAL) {
+        if !complete && state.reported.is_some_and(|t| now - t < Self::MIN_INTERVAL) {
             return;
         }
-        state.told = Some(now);
+        state.reported = Some(now);
         let in_pass = (now - state.pass_started).as_secs_f64();
         state.tick.update(done, in_pass);
         self.sink.event(&Event::TaskProgress { task: self.task, tick: &state.tick });
@@ -184,7 +184,7 @@ impl Tick {
         self.fps = if in_pass_s > 0.0 { done as f64 / in_pass_s } else { 0.0 };
         let part = self.total.filter(|t| *t > 0).map(|t| (done as f64 / t as f64).min(1.0));
         let later = self.passes.saturating_sub(self.pass) as f64;
-        // The first half second and the first hundredth tell nothing of the rest.
+        // The first half second and the first hundredth say nothing about the rest.
         self.eta_s = part.filter(|p| *p > 0.01 && in_pass_s > 0.5).map(|p| in_pass_s / p * (1.0 - p + later));
     }
 }
@@ -203,7 +203,7 @@ mod tests {
         tick.update(25, 10.0);
         assert_eq!(tick.eta_s, Some(70.0), "30 s of this pass and 40 s of the next");
         tick.update(50, 0.1);
-        assert_eq!(tick.eta_s, None, "too early to tell");
+        assert_eq!(tick.eta_s, None, "too early to estimate");
         tick.total = None;
         tick.update(50, 10.0);
         assert_eq!(tick.eta_s, None, "a clip of unknown length has no end in sight");

@@ -66,7 +66,7 @@ pub struct SolveJob {
     pub picture: Option<PathBuf>,
 }
 
-/// Solves; returns what is to be told.
+/// Solves; returns the report.
 ///
 /// # Errors
 /// [`RunError::Input`] where a file is not a matrix or the system has no solution, [`RunError::Usage`] where files or methods
@@ -287,13 +287,13 @@ fn report(
 fn judge(a: &GeneralMatrix, b: &[f64], x: &[f64], given: bool) -> Json {
     let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     let r: Vec<f64> = a.multiply(x).iter().zip(b).map(|(y, b)| b - y).collect();
-    let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { part };
-    let mut judged = json!({"residual": share(norm(&r), norm(b))});
+    let ratio = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { part };
+    let mut judged = json!({"residual": ratio(norm(&r), norm(b))});
     if a.rows() == a.columns() {
         judged["backward_error"] = json!(backward_error(a, b, x));
     } else {
         let slope = norm(&a.multiply_transposed(&r));
-        judged["slope"] = json!(share(slope, a.norm_1() * norm(b)));
+        judged["slope"] = json!(ratio(slope, a.norm_1() * norm(b)));
     }
     if !given {
         judged["error"] = json!(x.iter().map(|x| (x - 1.0).abs()).fold(0.0, f64::max));
@@ -321,9 +321,9 @@ fn words(report: &Json) -> String {
     }
     for solution in report["solutions"].as_array().into_iter().flatten() {
         let parts = [("residual", ""), ("backward_error", "backward error "), ("slope", "slope "), ("error", "error ")];
-        let told: Vec<String> =
+        let parts: Vec<String> =
             parts.iter().filter_map(|(key, word)| Some(format!("{word}{:.1e}", solution[key].as_f64()?))).collect();
-        let _ = writeln!(text, "residual   {}", told.join(", "));
+        let _ = writeln!(text, "residual   {}", parts.join(", "));
     }
     text
 }

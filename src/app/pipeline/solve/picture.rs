@@ -1,6 +1,6 @@
 //! Matrices as pictures: where `A` and its factor are non-zero, ordering beside ordering.
 //!
-//! A panel shows a matrix, its first entry in the upper left corner. Where a pixel stands for many entries it is the darker
+//! A panel shows a matrix, its first entry in the upper left corner. Where a pixel covers many entries it is the darker
 //! the more of them there are; entries of `A` are blue, those that elimination adds orange.
 
 use plumbline_image::canvas::{Canvas, Rgb, text_width};
@@ -14,7 +14,7 @@ const GAP: usize = 24;
 const LABEL: usize = 24;
 /// Side of a dot of the letters, px.
 const SCALE: usize = 2;
-/// Opacity of a pixel that stands for a single one of its many entries: faint, but seen.
+/// Opacity of a pixel with a single one of its many entries: faint, but seen.
 const FAINTEST: f32 = 0.3;
 
 const PAPER: Rgb = [255, 255, 255];
@@ -23,7 +23,7 @@ const INK: Rgb = [40, 44, 52];
 const OWN: Rgb = [28, 84, 178];
 const FILL: Rgb = [230, 120, 20];
 
-/// How many entries of `A`, and how many of `L` alone, each pixel of a panel stands for.
+/// How many entries of `A`, and how many of `L` alone, each pixel of a panel covers.
 struct Density {
     side: usize,
     n: usize,
@@ -38,16 +38,16 @@ impl Density {
     }
 
     fn add(&mut self, row: usize, column: usize, own: bool) {
-        let place = |k: usize| k * self.side / self.n;
-        let at = place(row) * self.side + place(column);
+        let pixel = |k: usize| k * self.side / self.n;
+        let at = pixel(row) * self.side + pixel(column);
         if own { self.own[at] += 1 } else { self.fill[at] += 1 }
     }
 
     fn draw(&self, canvas: &mut Canvas, left: usize, top: usize) {
         let per_side = self.n.div_ceil(self.side) as f32;
         let opacity = |count: u32| {
-            let share = (count as f32 / (per_side * per_side)).min(1.0);
-            if count == 0 { 0.0 } else { FAINTEST + (1.0 - FAINTEST) * share.sqrt() }
+            let fraction = (count as f32 / (per_side * per_side)).min(1.0);
+            if count == 0 { 0.0 } else { FAINTEST + (1.0 - FAINTEST) * fraction.sqrt() }
         };
         for y in 0..PANEL {
             for x in 0..PANEL {
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn fill_is_drawn_where_elimination_puts_it() {
-        // An arrow that points the wrong way fills completely; turned around, not at all.
+        // An arrow that points in the wrong direction fills completely; turned around, not at all.
         let pattern = Pattern::new(4, (1..4).map(|i| (i, 0))).expect("in range");
         let structures: Vec<_> = [Ordering::Natural, Ordering::Amd]
             .iter()

@@ -132,7 +132,7 @@ fn sinks(
     encodes.map(sink).collect()
 }
 
-/// Gives the files their names and tells of them.
+/// Gives the files their names and reports them.
 fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunError> {
     for sink in sinks {
         context.job.check_cancel()?;
@@ -174,7 +174,7 @@ impl Stream<'_, '_> {
     }
 }
 
-/// Samples the frames and hands them to the album and the branches; tells progress.
+/// Samples the frames and hands them to the album and the branches; reports progress.
 fn work(
     job: &Job<'_>,
     sampler: Option<Sampler<'_>>,

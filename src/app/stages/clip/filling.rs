@@ -1,4 +1,4 @@
-//! `border = "fill"`: frames are held back until their neighbors are there to fill what the shake pushed out of view.
+//! `border = "fill"`: frames wait until their neighbors are there to fill what the shake pushed out of view.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -57,7 +57,7 @@ impl<'v> Filling<'v> {
     }
 }
 
-/// Where the content of frame `this` stands in frame `neighbor`: the motions between them, chained; `None` across a cut.
+/// Where the content of frame `this` is in frame `neighbor`: the motions between them, chained; `None` across a cut.
 fn neighbor_from_this(motion: &ClipMotion, this: usize, neighbor: usize) -> Option<WarpField> {
     if motion.shot_of(this)? != motion.shot_of(neighbor)? {
         return None;

@@ -4,7 +4,7 @@
 //! picture begins on a chroma sample too and both are copied sample by sample in every plane. Even sizes have no gap; beside
 //! an odd one, the last column is repeated up to the end of its slot.
 //!
-//! With `θ` the clockwise turn that the player applies after an optional mirroring `s = ±1` of the coded x axis, coded +x
+//! With `θ` the clockwise rotation that the player applies after an optional mirroring `s = ±1` of the coded x axis, coded +x
 //! is shown along `s·(cos θ, sin θ)` and coded +y along `(−sin θ, cos θ)`. The slots follow the coded axis that is shown
 //! horizontally, the original where that axis is shown on the left.
 
@@ -66,7 +66,7 @@ impl SideBySide {
     }
 }
 
-/// Copies `from` to the place `at` of `to` and repeats its last column and row up to the end of `slot`, all in luma px.
+/// Copies `from` to the position `at` of `to` and repeats its last column and row up to the end of `slot`, all in luma px.
 /// False where the memory of `to` is shared. `at` must lie on a chroma sample, and the slot inside `to`.
 pub(crate) fn paste(from: &Frame, to: &mut Frame, at: (usize, usize), slot: (usize, usize)) -> bool {
     let bytes = from.format.bytes_per_sample();
@@ -97,7 +97,7 @@ mod tests {
         SideBySide::arranged(size, PixelFormat::opaque(layout, 8), rotation_deg, mirrored)
     }
 
-    /// Samples that tell picture, plane and place.
+    /// Samples that encode picture, plane and position.
     fn picture(format: PixelFormat, (width, height): (usize, usize), mark: usize) -> Frame {
         let mut frame = Frame::new(format, width, height);
         for i in 0..format.planes() {
@@ -134,9 +134,9 @@ mod tests {
                 let mut joined = Frame::new(format, across * beside.slot.0, down * beside.slot.1);
                 assert!(beside.join(&original, &result, &mut joined));
                 let second = if beside.stacked { (0, beside.slot.1) } else { (beside.slot.0, 0) };
-                let places = if beside.original_first { [(0, 0), second] } else { [second, (0, 0)] };
+                let positions = if beside.original_first { [(0, 0), second] } else { [second, (0, 0)] };
                 for (i, (picture, at)) in
-                    (0..format.planes()).flat_map(|i| [(i, (&original, places[0])), (i, (&result, places[1]))])
+                    (0..format.planes()).flat_map(|i| [(i, (&original, positions[0])), (i, (&result, positions[1]))])
                 {
                     let (shift_x, shift_y) = format.subsampling(i);
                     assert_eq!(((at.0 >> shift_x) << shift_x, (at.1 >> shift_y) << shift_y), at, "on a chroma sample");

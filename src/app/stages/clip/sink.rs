@@ -23,7 +23,7 @@ pub(crate) struct Sink {
     writer: VideoWriter,
 }
 
-/// The way to a sink's encoder.
+/// The path to a sink's encoder.
 pub(crate) struct Branch {
     beside: Option<SideBySide>,
     pool: FramePool,
@@ -49,7 +49,7 @@ impl Sink {
         Ok(Self { output, size: (video.width, video.height), beside, writer })
     }
 
-    /// The way to this sink through `queue`.
+    /// The path to this sink through `queue`.
     pub(crate) fn branch(&self, queue: Sender<Frame>) -> Branch {
         Branch { beside: self.beside, pool: self.writer.frame_pool(), queue }
     }

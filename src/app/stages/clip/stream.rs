@@ -21,7 +21,7 @@ pub(crate) fn decode(mut reader: VideoReader, frames: &Sender<Frame>) -> Result<
     Ok(reader.report())
 }
 
-/// Calls `body` with every frame of `reader`, in order, while the next ones are decoded; tells progress.
+/// Calls `body` with every frame of `reader`, in order, while the next ones are decoded; reports progress.
 pub(crate) fn for_each_frame(
     job: &Job<'_>,
     reader: VideoReader,

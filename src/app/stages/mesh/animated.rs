@@ -41,7 +41,7 @@ pub(crate) fn animated(
     still.with_articulation(Some(articulation))
 }
 
-/// A pose as differences, with those of the normals for files that hold normals.
+/// A pose as differences, with those of the normals for files with normals.
 fn target(still: &Model, pose: &[Point3<f64>], number: usize) -> Result<MorphTarget, MeshError> {
     let moved = still.mesh().with_positions(pose.to_vec())?;
     let offsets = pose.iter().zip(still.mesh().positions()).map(|(p, q)| (p - q).into()).collect();

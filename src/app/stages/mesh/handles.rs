@@ -12,10 +12,10 @@ use plumbline_shape::mesh::TriMesh;
 use plumbline_shape::surface::handle_file::MeshHandles;
 use plumbline_shape::surface::{Constraint, HandlePose, Handles};
 
-/// A held vertex of the mesh that is deformed.
-struct MemoryCost {
+/// A constrained vertex of the mesh that is deformed.
+struct ConstrainedVertex {
     vertex: u32,
-    /// Handle, and which of its vertices this is; `None`: held still because it is outside the region.
+    /// Handle, and which of its vertices this is; `None`: fixed because it is outside the region.
     of: Option<(usize, usize)>,
 }
 
@@ -24,32 +24,32 @@ pub(crate) struct Bound<'a> {
     mesh: &'a TriMesh,
     rest: &'a [Point3<f64>],
     handles: &'a MeshHandles,
-    held: Vec<MemoryCost>,
+    constrained: Vec<ConstrainedVertex>,
     /// What the user should know.
     pub(crate) warnings: Vec<String>,
 }
 
 impl<'a> Bound<'a> {
     /// Handles of the vertices at `rest`, on what repair made of them. With `roi`, what is farther along edges than that from
-    /// every handle that moves is held still.
+    /// every handle that moves is fixed.
     pub(crate) fn new(
         handles: &'a MeshHandles,
         rest: &'a [Point3<f64>],
         solvable: &'a Solvable,
         roi: Option<f64>,
     ) -> Result<Self, RunError> {
-        let mut bound = Self { mesh: &solvable.mesh, rest, handles, held: Vec::new(), warnings: Vec::new() };
+        let mut bound = Self { mesh: &solvable.mesh, rest, handles, constrained: Vec::new(), warnings: Vec::new() };
         let owner = bound.owners(solvable)?;
         let mut outside = vec![false; solvable.mesh.vertex_count()];
         for v in &handles.outside {
             solvable.vertex_of_source[*v as usize].iter().for_each(|r| outside[*r as usize] = true);
         }
         if let Some(reach) = roi {
-            bound.hold_beyond(reach, &owner, &mut outside);
+            bound.fix_beyond(reach, &owner, &mut outside);
         }
         for (vertex, (of, outside)) in owner.iter().zip(outside).enumerate() {
             if of.is_some() || outside {
-                bound.held.push(MemoryCost { vertex: vertex as u32, of: *of });
+                bound.constrained.push(ConstrainedVertex { vertex: vertex as u32, of: *of });
             }
         }
         Ok(bound)
@@ -87,17 +87,17 @@ impl<'a> Bound<'a> {
         Ok(solvable.source_of_vertex.iter().map(|source| of_source[*source as usize]).collect())
     }
 
-    /// Two handles hold vertices in one place.
+    /// Two handles constrain vertices at one position.
     fn torn(&self, v: u32, h: usize, w: u32, other: usize) -> RunError {
         let (first, second) = (&self.handles.handles[other].name, &self.handles.handles[h].name);
         RunError::Input(format!(
-            "vertex {w} of handle {first:?} and vertex {v} of handle {second:?} are in the same place and were joined: put both \
+            "vertex {w} of handle {first:?} and vertex {v} of handle {second:?} are at the same position and were joined: put both \
              into one handle"
         ))
     }
 
-    /// Holds what is farther along edges from all handles that move.
-    fn hold_beyond(&self, reach: f64, owner: &[Option<(usize, usize)>], outside: &mut [bool]) {
+    /// Fixes what is farther along edges from all handles that move.
+    fn fix_beyond(&self, reach: f64, owner: &[Option<(usize, usize)>], outside: &mut [bool]) {
         let moves =
             |of: &Option<(usize, usize)>| of.is_some_and(|(h, _)| self.handles.handles[h].track.times().is_some());
         let starts = (0..owner.len()).filter(|v| moves(&owner[*v]));
@@ -107,28 +107,28 @@ impl<'a> Bound<'a> {
         }
     }
 
-    /// The set of held vertices.
+    /// The set of constrained vertices.
     pub(crate) fn set(&self) -> Result<Handles, RunError> {
-        let hold = |held: &MemoryCost| {
-            let weight = held.of.and_then(|(h, _)| self.handles.handles[h].weight);
-            (held.vertex, weight.map_or(Constraint::Hard, Constraint::Soft))
+        let constraint = |v: &ConstrainedVertex| {
+            let weight = v.of.and_then(|(h, _)| self.handles.handles[h].weight);
+            (v.vertex, weight.map_or(Constraint::Hard, Constraint::Soft))
         };
-        Handles::new(self.held.iter().map(hold)).map_err(|e| RunError::Input(e.to_string()))
+        Handles::new(self.constrained.iter().map(constraint)).map_err(|e| RunError::Input(e.to_string()))
     }
 
-    /// Where they are wanted at a time.
+    /// Their targets at a time.
     pub(crate) fn pose(&self, time: f64) -> HandlePose {
         let all = &self.handles.handles;
-        let wanted: Vec<_> = all.iter().map(|h| h.track.positions(&h.vertices, self.rest, time)).collect();
-        let turned: Vec<Option<UnitQuaternion<f64>>> = all.iter().map(|h| h.track.rotation(time)).collect();
-        let place = |held: &MemoryCost| match held.of {
-            Some((h, k)) => wanted[h][k],
-            None => self.mesh.positions()[held.vertex as usize],
+        let targets: Vec<_> = all.iter().map(|h| h.track.positions(&h.vertices, self.rest, time)).collect();
+        let rotations: Vec<Option<UnitQuaternion<f64>>> = all.iter().map(|h| h.track.rotation(time)).collect();
+        let position = |v: &ConstrainedVertex| match v.of {
+            Some((h, k)) => targets[h][k],
+            None => self.mesh.positions()[v.vertex as usize],
         };
-        let pose = HandlePose::new(self.held.iter().map(place).collect());
-        // Rotations are known of all vertices or of none: handles that move freely do not tell theirs.
-        let turn = |held: &MemoryCost| held.of.map_or(Some(UnitQuaternion::identity()), |(h, _)| turned[h]);
-        match self.held.iter().map(turn).collect() {
+        let pose = HandlePose::new(self.constrained.iter().map(position).collect());
+        // Rotations are known of all vertices or of none: handles that move freely have none.
+        let rotation = |v: &ConstrainedVertex| v.of.map_or(Some(UnitQuaternion::identity()), |(h, _)| rotations[h]);
+        match self.constrained.iter().map(rotation).collect() {
             Some(rotations) => pose.with_rotations(rotations),
             None => pose,
         }
@@ -139,8 +139,10 @@ impl<'a> Bound<'a> {
         self.handles.times().0
     }
 
-    /// The farthest that a handle turns between two times, rad.
-    pub(crate) fn turn(&self, from: f64, to: f64) -> f64 {
+    /// Largest rotation of a handle between two times, rad.
+    pub(crate) fn max_rotation(&self, from: f64, to: f64) -> f64 {
+        // Between two samples a handle must rotate by less than π, or the shortest rotation is the wrong one: 32 allow 16 whole
+        // rotations between two times.
         const STEPS: u32 = 32;
         let at = |k: u32| from + (to - from) * f64::from(k) / f64::from(STEPS);
         let of = |track: &plumbline_shape::surface::handle_file::Track| -> f64 {
@@ -151,7 +153,7 @@ impl<'a> Bound<'a> {
     }
 }
 
-/// Length of the shortest way along edges from any of `starts`; infinite where there is none.
+/// Length of the shortest path along edges from any of `starts`; infinite where there is none.
 fn distances(mesh: &TriMesh, starts: impl Iterator<Item = usize>) -> Vec<f64> {
     let mut sides: Vec<(u32, u32)> =
         mesh.triangles().iter().flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]).collect();
@@ -171,7 +173,7 @@ mod tests {
     use plumbline_num::run::Run;
     use plumbline_shape::surface::handle_file::HandleFile;
 
-    /// A strip of unit squares along x, its halves apart: the vertices of its middle stand twice.
+    /// A strip of unit squares along x, its halves apart: the vertices of its middle are doubled.
     fn strip() -> TriMesh {
         let at = |x: f64| [Point3::new(x, 0.0, 0.0), Point3::new(x, 1.0, 0.0)];
         let positions = [0.0, 1.0, 1.0, 2.0].map(at).concat();
@@ -184,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn vertices_that_repair_joined_are_held_once_and_moved_by_their_handle() {
+    fn vertices_that_repair_joined_are_constrained_once_and_moved_by_their_handle() {
         let mesh = strip();
         let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
         let found = handles("{\"vertices\": {\"indices\": [2, 4]}, \"rigid\": {\"translation\": [0, 0, 3]}}", &mesh);
@@ -195,19 +197,22 @@ mod tests {
             "{\"name\": \"a\", \"vertices\": {\"indices\": [2]}}, {\"name\": \"b\", \"vertices\": {\"indices\": [4]}}",
             &mesh,
         );
-        let told = Bound::new(&torn, mesh.positions(), &solvable, None)
+        let message = Bound::new(&torn, mesh.positions(), &solvable, None)
             .err()
             .expect("two targets for one position")
             .to_string();
-        assert!(told.contains("vertex 2 of handle \"a\" and vertex 4 of handle \"b\" are in the same place"), "{told}");
+        assert!(
+            message.contains("vertex 2 of handle \"a\" and vertex 4 of handle \"b\" are at the same position"),
+            "{message}"
+        );
     }
 
     #[test]
-    fn what_is_farther_along_edges_than_the_reach_is_held() {
+    fn what_is_farther_along_edges_than_the_reach_is_fixed() {
         let mesh = strip();
         let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
         let found = handles("{\"vertices\": {\"indices\": [0, 1]}, \"rigid\": {\"translation\": [0, 0, 1]}}", &mesh);
-        let held = |roi| Bound::new(&found, mesh.positions(), &solvable, roi).unwrap().set().unwrap().len();
-        assert_eq!([None, Some(0.5), Some(1.0), Some(2.0)].map(held), [2, 6, 4, 2]);
+        let constrained = |roi| Bound::new(&found, mesh.positions(), &solvable, roi).unwrap().set().unwrap().len();
+        assert_eq!([None, Some(0.5), Some(1.0), Some(2.0)].map(constrained), [2, 6, 4, 2]);
     }
 }

@@ -1,4 +1,4 @@
-//! What is told of a deformation: in a line or two, and as JSON.
+//! The report of a deformation: in a line or two, and as JSON.
 
 use std::fmt::Write as _;
 
@@ -11,8 +11,8 @@ use crate::stages::context::Context;
 use crate::stages::mesh_deform::{MeshDeformSettings, Solved};
 use plumbline_shape::surface::DeformReport;
 
-/// Tells of the repair and of the last pose, and warns of what went wrong in any.
-pub(crate) fn tell(
+/// Reports the repair and of the last pose, and warns of what went wrong in any.
+pub(crate) fn report_deformation(
     context: &mut Context<'_, '_>,
     solvable: &Solvable,
     solved: &[Solved],
@@ -24,6 +24,7 @@ pub(crate) fn tell(
         surface.repairs = solvable.report.changes().collect();
         surface.deformation = Some(line(report, settings.method.name(), solved.len()));
     }
+    // Parts without a handle.
     for part in report.fixed_components.iter().take(3) {
         let first = solvable.source_of_vertex[part.vertex as usize];
         context.warn(format!("no handle is on the part of {} vertices around vertex {first}: it stays", part.vertices));
@@ -31,12 +32,16 @@ pub(crate) fn tell(
     if report.fixed_components.len() > 3 {
         context.warn(format!("{} more parts without a handle stay", report.fixed_components.len() - 3));
     }
+    // Poses that did not converge.
     let open = solved.iter().filter(|s| !s.report.stop.converged()).count();
     if open > 0 {
         let which = if solved.len() == 1 { "it".to_owned() } else { format!("{open} of {} poses", solved.len()) };
         let most = settings.iterations;
-        context.warn(format!("{which} had not converged after {most} rounds; --iterations allows more (`iterations`)"));
+        context.warn(format!(
+            "{which} had not converged after {most} iterations; --iterations allows more (`iterations`)"
+        ));
     }
+    // An energy that is unbounded below.
     if report.negative_weights > 0 && report.energies.last().is_some_and(|e| *e < 0.0) {
         let count = report.negative_weights;
         context.warn(format!(
@@ -47,25 +52,26 @@ pub(crate) fn tell(
 
 fn line(report: &DeformReport, method: &str, poses: usize) -> String {
     let shape = &report.shape;
-    let rounds = if report.iterations == 1 { "1 solve".to_owned() } else { format!("{} rounds", report.iterations) };
-    let mut told = format!("{method}: {} in {rounds}", report.stop);
+    let iterations =
+        if report.iterations == 1 { "1 solve".to_owned() } else { format!("{} iterations", report.iterations) };
+    let mut line = format!("{method}: {} in {iterations}", report.stop);
     if poses > 1 {
-        told = format!("{poses} poses; the last by {told}");
+        line = format!("{poses} poses; the last by {line}");
     }
     if let [first, .., last] = report.energies.as_slice() {
-        let _ = write!(told, ", energy {first:.4e} to {last:.4e}");
+        let _ = write!(line, ", energy {first:.4e} to {last:.4e}");
     }
-    let _ = write!(told, ", edges stretched by {:.1} % at most", 100.0 * shape.worst_stretch);
+    let _ = write!(line, ", edges stretched by {:.1} % at most", 100.0 * shape.worst_stretch);
     if let Some(ratio) = shape.volume_ratio {
-        let _ = write!(told, ", volume {:.1} %", 100.0 * ratio);
+        let _ = write!(line, ", volume {:.1} %", 100.0 * ratio);
     }
     if shape.flipped_faces > 0 {
-        let _ = write!(told, ", {} faces flipped", shape.flipped_faces);
+        let _ = write!(line, ", {} faces flipped", shape.flipped_faces);
     }
     if report.constraint_error > 0.0 {
-        let _ = write!(told, ", handles missed by {:.3e} at most", report.constraint_error);
+        let _ = write!(line, ", handles missed by {:.3e} at most", report.constraint_error);
     }
-    told
+    line
 }
 
 /// Writes the report.

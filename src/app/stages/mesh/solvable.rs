@@ -1,8 +1,8 @@
-//! The mesh that is deformed in place of the one that was read.
+//! The mesh that is deformed instead of the one that was read.
 //!
 //! Repair takes sheets apart where more than two meet, and a sheet that no handle is on would then stay while the others
 //! move: the surface would tear. The operators of deformation sum over triangles and need no manifold, so the copies of
-//! a vertex are joined again; what is left of the repair is that nothing is degenerate, double or apart in one place.
+//! a vertex are joined again; what is left of the repair is that nothing is degenerate, double or apart at one position.
 
 use std::collections::HashMap;
 
@@ -27,13 +27,13 @@ impl Solvable {
     pub(crate) fn new(mesh: &TriMesh, run: &Run) -> Result<Self, RunError> {
         let Repaired { mesh, report, source_of_vertex: source, vertex_of_source, .. } =
             repair(mesh, &RepairOptions::default(), run)?;
-        // Repair welds what is exactly in one place and moves nothing: copies are known by their place, in a soup too, where
+        // Repair welds what is exactly at one position and moves nothing: copies are known by their position, in a soup too, where
         // each may come from another vertex of the file. Adding zero makes one of the two zeros.
         let mut number: HashMap<[u64; 3], u32> = HashMap::new();
         let (mut joined, mut source_of_vertex, mut positions) = (Vec::new(), Vec::new(), Vec::new());
         for (&source, &position) in source.iter().zip(mesh.positions()) {
-            let place = position.coords.map(|c| (c + 0.0).to_bits());
-            let vertex = *number.entry(place.into()).or_insert(positions.len() as u32);
+            let key = position.coords.map(|c| (c + 0.0).to_bits());
+            let vertex = *number.entry(key.into()).or_insert(positions.len() as u32);
             joined.push(vertex);
             if vertex as usize == positions.len() {
                 positions.push(position);
@@ -48,8 +48,8 @@ impl Solvable {
 
     /// Positions of the file's vertices after this mesh's have moved. What nothing is left of stays at `rest`.
     pub(crate) fn carry_back(&self, rest: &[Point3<f64>], moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
-        let place = |(vertex, rest): (&Option<u32>, &Point3<f64>)| vertex.map_or(*rest, |v| moved[v as usize]);
-        self.vertex_of_source.iter().zip(rest).map(place).collect()
+        let position = |(vertex, rest): (&Option<u32>, &Point3<f64>)| vertex.map_or(*rest, |v| moved[v as usize]);
+        self.vertex_of_source.iter().zip(rest).map(position).collect()
     }
 }
 
@@ -62,10 +62,10 @@ mod tests {
     fn sheets_that_meet_in_an_edge_stay_together_and_soups_become_surfaces() {
         for mesh in [shapes::book(5), shapes::hourglass(), shapes::soup(&shapes::book(4))] {
             let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
-            let mut places: Vec<_> = mesh.positions().iter().map(|p| p.coords.map(f64::to_bits)).collect();
-            places.sort_unstable_by_key(|p| [p.x, p.y, p.z]);
-            places.dedup();
-            assert_eq!(solvable.mesh.vertex_count(), places.len(), "one vertex per place");
+            let mut positions: Vec<_> = mesh.positions().iter().map(|p| p.coords.map(f64::to_bits)).collect();
+            positions.sort_unstable_by_key(|p| [p.x, p.y, p.z]);
+            positions.dedup();
+            assert_eq!(solvable.mesh.vertex_count(), positions.len(), "one vertex per position");
             assert_eq!(solvable.mesh.triangle_count(), mesh.triangle_count());
             assert_eq!(solvable.carry_back(mesh.positions(), solvable.mesh.positions()), mesh.positions());
             for (v, source) in solvable.source_of_vertex.iter().enumerate() {

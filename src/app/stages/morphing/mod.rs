@@ -40,8 +40,8 @@ pub(crate) fn write_report(
     path.map_or(Ok(()), |path| context.write_report(path, &name, report))
 }
 
-/// Adds a line to what is told of the first mesh.
-pub(crate) fn tell(context: &mut Context<'_, '_>, line: String) {
+/// Adds a line to the summary of the first mesh.
+pub(crate) fn report_line(context: &mut Context<'_, '_>, line: String) {
     if let Some(surface) = &mut context.summary.surface {
         surface.morph.push(line);
     }

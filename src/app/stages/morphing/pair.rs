@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Point3;
 use serde_json::{Value as Json, json};
 
-use super::{morph_error, of_file, pose_of, tell};
+use super::{morph_error, of_file, pose_of, report_line};
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh::solvable::Solvable;
@@ -16,8 +16,8 @@ use plumbline_shape::morph::correspondence::{
 };
 use plumbline_shape::morph::{MorphError, same_connectivity};
 
-/// Rounds of refinement at most; each halves edges.
-const ROUNDS: usize = 6;
+/// Refinements at most; each halves edges, so that six leave 1/64 of them.
+const MAX_REFINEMENTS: usize = 6;
 
 /// Two poses of one mesh without faults, and the model whose vertices follow them.
 pub(crate) struct Pair {
@@ -30,7 +30,7 @@ pub(crate) struct Pair {
     refined: bool,
     /// Both ends by the vertices of the file.
     ends: Option<[Vec<Point3<f64>>; 2]>,
-    /// How well one lies over the other, where landmarks were needed.
+    /// Quality of the map of one to the other, where landmarks were needed.
     pub(crate) quality: Option<MapQuality>,
 }
 
@@ -87,12 +87,13 @@ impl Pair {
         let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.mapped, laid.quality);
         context.job.check_cancel()?;
         if let Some(tolerance) = tolerance {
-            let refined = refine(&first, &second, b, tolerance, ROUNDS, &context.job.run()).map_err(morph_error)?;
-            tell(context, format!("{} vertices added where features would be lost", refined.added));
+            let refined =
+                refine(&first, &second, b, tolerance, MAX_REFINEMENTS, &context.job.run()).map_err(morph_error)?;
+            report_line(context, format!("{} vertices added where features would be lost", refined.added));
             (first, second) = (refined.first, refined.mapped);
             quality = measure(&first, &second, b, &pairs, &context.job.run()).map_err(morph_error)?;
         }
-        tell(context, told(&quality, pairs.len()));
+        report_line(context, quality_line(&quality, pairs.len()));
         if let Some(fault) = faults(&quality, first.triangle_count(), over) {
             context.warn(fault);
         }
@@ -122,7 +123,7 @@ impl Pair {
     }
 }
 
-fn told(quality: &MapQuality, landmarks: usize) -> String {
+fn quality_line(quality: &MapQuality, landmarks: usize) -> String {
     format!(
         "laid over the other by {landmarks} landmarks: stretch {:.2}, landmarks missed by {:.2} % at most, features by {:.2} %",
         quality.stretch,
@@ -131,21 +132,21 @@ fn told(quality: &MapQuality, landmarks: usize) -> String {
     )
 }
 
-/// What is told of triangles that face away from what is under them, and of landmarks that did not meet.
+/// A warning of triangles that face away from what is under them, and of landmarks that did not meet.
 fn faults(quality: &MapQuality, all: usize, over: CorrespondenceMethod) -> Option<String> {
     let folded = quality.flipped + quality.collapsed;
     let folded = (folded > 0).then(|| match over {
         CorrespondenceMethod::Registration => {
-            format!("{folded} of {all} triangles are folded where the first mesh lies over the second")
+            format!("{folded} of {all} triangles are folded where the first mesh covers the second")
         }
         CorrespondenceMethod::Sphere | CorrespondenceMethod::Disk => format!(
-            "{folded} of {all} triangles reach across places of the second mesh that face away from them: no vertex lies out of order, \
+            "{folded} of {all} triangles reach across parts of the second mesh that face away from them: no vertex is out of order, \
              but the first mesh is too coarse there"
         ),
     });
-    let apart = (quality.landmark_error > 1e-9).then(|| "some landmarks found no way to their places".to_owned());
-    let told: Vec<String> = folded.into_iter().chain(apart).collect();
-    (!told.is_empty()).then(|| told.join("; "))
+    let apart = (quality.landmark_error > 1e-9).then(|| "some landmarks did not reach their targets".to_owned());
+    let faults: Vec<String> = folded.into_iter().chain(apart).collect();
+    (!faults.is_empty()).then(|| faults.join("; "))
 }
 
 /// The quality of a map as JSON.

@@ -1,4 +1,4 @@
-//! Shapes between two meshes, as they are written and told of.
+//! Shapes between two meshes, as they are written and reported.
 
 use nalgebra::Point3;
 use serde_json::{Value as Json, json};
@@ -8,14 +8,14 @@ use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::morph::intersections::self_intersections;
 
-/// Shapes as they are written, and what is told of them.
+/// Shapes as they are written, and the report on them.
 pub(crate) struct Shapes<'p> {
     pair: &'p Pair,
     pub(crate) poses: Vec<Vec<Point3<f64>>>,
-    pub(crate) told: Vec<Json>,
-    /// Most intersections of a shape, and of one on straight ways.
+    pub(crate) report: Vec<Json>,
+    /// Most intersections of a shape, and of one on straight paths.
     most: [usize; 2],
-    /// Shapes that pass through themselves more often than those on straight ways.
+    /// Shapes that pass through themselves more often than those on straight paths.
     worse: usize,
     /// Intersections are counted, which takes as long as a shape.
     count: bool,
@@ -23,7 +23,7 @@ pub(crate) struct Shapes<'p> {
 
 impl<'p> Shapes<'p> {
     pub(crate) fn new(pair: &'p Pair, count: bool) -> Self {
-        Self { pair, poses: Vec::new(), told: Vec::new(), most: [0, 0], worse: 0, count }
+        Self { pair, poses: Vec::new(), report: Vec::new(), most: [0, 0], worse: 0, count }
     }
 
     pub(crate) fn add(
@@ -42,21 +42,20 @@ impl<'p> Shapes<'p> {
             let counts = [count(x)?, count(linear)?];
             self.most = [self.most[0].max(counts[0]), self.most[1].max(counts[1])];
             self.worse += usize::from(counts[0] > counts[1]);
-            self.told.push(json!({"time": time, "self_intersections": counts[0], "of_linear_blending": counts[1]}));
+            self.report.push(json!({"time": time, "self_intersections": counts[0], "of_linear_blending": counts[1]}));
         }
         self.poses.push(self.pair.written(end, x));
         Ok(())
     }
 
     pub(crate) fn worse_than_linear(&self) -> Option<String> {
-        let more =
-            "shapes pass through themselves in more places than on straight ways; more rounds of `untangle` may help";
+        let more = "shapes pass through themselves at more positions than on straight paths; more iterations of `untangle` may help";
         (self.worse > 0).then(|| format!("{} of {} {more}", self.worse, self.poses.len()))
     }
 
     pub(crate) fn intersections(&self) -> String {
         let [ours, linear] = self.most;
-        let told = format!(", at most {ours} pairs of faces intersect ({linear} on straight ways)");
-        if self.count { told } else { String::new() }
+        let line = format!(", at most {ours} pairs of faces intersect ({linear} on straight paths)");
+        if self.count { line } else { String::new() }
     }
 }

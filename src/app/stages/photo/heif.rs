@@ -20,6 +20,7 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
         let help = "convert it first, for example with `heif-dec in.heic out.png`";
         return Err(bad(&format!("a HEIC picture in tiles, which are not joined here; {help}")));
     }
+    // The size is checked before a pixel is decoded.
     let input = Input::parse(&path.to_string_lossy()).map_err(media_error)?;
     let read = ReadOptions { threads, ..ReadOptions::default() };
     let mut reader = VideoReader::open(&input, &read).map_err(media_error)?;
@@ -31,11 +32,13 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
             "{width}×{height} px are more than the limit of {limit} px; raise it with --max-pixels"
         )));
     }
+    // The picture, upright.
     let quarters = (info.rotation_deg / 90.0).round().rem_euclid(4.0) as u32;
     let turn = Turn::of_display(quarters, info.mirrored);
     let frame = reader.next_frame().map_err(media_error)?.ok_or_else(|| bad("no picture in it"))?;
     let frame = rgb_frame(&frame).and_then(|f| turned(&f, turn));
     let frame = frame.ok_or_else(|| bad("its pixels are of a kind that is not read here"))?;
+    // Its metadata, and what is lost.
     let file = File::open(path).ok();
     let read = file.and_then(|f| exif_of_container(BufReader::new(f), frame.width, frame.height));
     let (exif, tags) = read.map_or((None, ExifTags::default()), |(exif, tags)| (Some(exif), tags));

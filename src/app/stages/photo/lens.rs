@@ -12,7 +12,8 @@ use plumbline_photo::Line;
 use plumbline_photo::calibration::{CalibrationOptions, LineRole, calibrate};
 use plumbline_photo::rectangle::Outline;
 
-/// By which share a focal length from EXIF may be off, and one that the user gives.
+/// Relative error that a focal length from EXIF may have, and one that the user gives. EXIF rounds to whole
+/// millimeters and counts in 35-mm terms; the user's number is trusted to its last digit.
 const CLAIMED: f64 = 0.1;
 const GIVEN: f64 = 0.01;
 /// Least lines of three points or more from which a lens is found.
@@ -76,7 +77,7 @@ pub(crate) fn find_unless_stitched(
 }
 
 /// The lens that is said to have taken a clip of so many px; `auto` is a rectilinear one with the field of view that is given, or
-/// with the focal length, px, that the clip tells.
+/// with the focal length, px, from the metadata of the clip.
 pub(crate) fn clip_lens(
     lens: &str,
     fov: Option<f64>,
@@ -92,12 +93,12 @@ pub(crate) fn clip_lens(
         }
         let focal = told_focal_px().ok_or_else(|| {
             let help = "give --lens FILE, or --lens MODEL with --fov DEG";
-            RunError::Usage(format!("the lens is not known, and the clip tells no focal length: {help}"))
+            RunError::Usage(format!("the lens is not known, and the clip states no focal length: {help}"))
         })?;
         let fov = 2.0 * (0.5 * size.0 / focal).atan();
         let fov = FieldOfView::degrees(fov.to_degrees(), FieldAxis::Horizontal);
         let mut found = named(Projection::Rectilinear, fov, size)?;
-        found.warnings.push(format!("the lens is taken for a rectilinear one of {focal:.0} px, which the clip tells"));
+        found.warnings.push(format!("the lens is taken for a rectilinear one of {focal:.0} px, which the clip states"));
         return Ok(found);
     }
     if Projection::named(lens).is_some() && fov.is_none() {
@@ -149,9 +150,11 @@ fn automatic(
     given: Option<FieldOfView>,
     run: &Run,
 ) -> Result<Found, RunError> {
+    // What is claimed about the field of view, and how exactly.
     let exif = facts.lens();
     let exif_field = || Some((exif.as_ref().ok()?.lens.field_of_view(FieldAxis::Horizontal)?, CLAIMED));
     let claim = given.map(|fov| (fov, GIVEN)).or_else(exif_field);
+    // In this order: marked lines, the field of view given, a lensfun profile, EXIF, the shape of a panorama.
     if marked.iter().filter(|l| l.points.len() > 2).count() >= MIN_LINES {
         return from_lines(marked, size, claim, run);
     }

@@ -29,8 +29,8 @@ pub(crate) fn with_pixels(photo: &Photo, frame: Frame) -> Photo {
     Photo { frame, exif, tags, icc, format: photo.format, warnings: Vec::new() }
 }
 
-/// Tells how straight lines became, and names those that did not.
-pub(crate) fn tell_lines(context: &mut Context<'_, '_>, lines: &[LineReport]) {
+/// Reports how straight lines became, and names those that did not.
+pub(crate) fn report_lines(context: &mut Context<'_, '_>, lines: &[LineReport]) {
     let worst = lines.iter().max_by(|a, b| a.max_px.total_cmp(&b.max_px)).map(|l| (l.name.clone(), l.max_px));
     context.summary.lines = Some(LinesSummary { count: lines.len(), worst });
     for line in lines.iter().filter(|l| l.is_bent()) {

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, json};
 
-use super::tell_lines;
+use super::report_lines;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{PictureSize, TargetSize};
 use crate::stages::context::Context;
@@ -26,12 +26,14 @@ pub(crate) fn make(
     faces: &[Rect],
     wanted: Option<TargetSize>,
 ) -> Result<PhotoMap, RunError> {
+    // The outline, and the gray levels that seams avoid.
     let outline = Outline::of_frame(&photo.frame).ok_or_else(|| rectangle_error(&RectangleError::NoBorder))?;
     context.job.check_cancel()?;
     let mut luma = Plane::new(0, 0);
     if !analysis_luma(&photo.frame, LUMA_SIDE, &mut luma) {
-        return Err(RunError::Internal("the memory of the picture does not hold its planes".to_owned()));
+        return Err(RunError::Internal("the memory of the picture does not contain its planes".to_owned()));
     }
+    // The map.
     let size = (photo.frame.width, photo.frame.height);
     let input = RectangleInput { size, outline: &outline, luma: luma.as_ref(), lines, faces };
     let solve = |shape| {
@@ -52,13 +54,14 @@ pub(crate) fn make(
             made = solve(RectangleShape::Exact(width, height))?;
         }
     }
-    tell_lines(context, &made.warp.lines);
-    let mut told = Map::new();
-    told.insert("inside".into(), json!(outline.share()));
-    told.insert("stretch".into(), json!(made.stretch));
-    told.insert("outside_shown".into(), json!(made.outside));
-    told.insert("faces".into(), faces.len().into());
-    Ok(PhotoMap { warp: made.warp, told })
+    // The summary and the report.
+    report_lines(context, &made.warp.lines);
+    let mut report = Map::new();
+    report.insert("inside".into(), json!(outline.share()));
+    report.insert("stretch".into(), json!(made.stretch));
+    report.insert("outside_shown".into(), json!(made.outside));
+    report.insert("faces".into(), faces.len().into());
+    Ok(PhotoMap { warp: made.warp, report })
 }
 
 fn rectangle_error(error: &RectangleError) -> RunError {

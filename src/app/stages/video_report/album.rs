@@ -100,18 +100,18 @@ fn moments(frames: usize, moved: impl Fn(usize) -> f64) -> Vec<usize> {
 /// What a window does to the picture, for the reader.
 fn words(window: &Window, crop: f64) -> String {
     let toward = |v: f64, negative, positive| {
-        let way = if v < 0.0 { negative } else { positive };
-        (v.abs() >= 0.05).then(|| format!("{:.1} px {way}", v.abs()))
+        let direction = if v < 0.0 { negative } else { positive };
+        (v.abs() >= 0.05).then(|| format!("{:.1} px {direction}", v.abs()))
     };
     // The picture goes against the window.
     let shifts = [toward(-window.shift.x, "left", "right"), toward(-window.shift.y, "up", "down")];
     let shifts: Vec<String> = shifts.into_iter().flatten().collect();
-    let degrees = -window.turn.to_degrees();
-    let way = if degrees < 0.0 { "counterclockwise" } else { "clockwise" };
+    let degrees = -window.rotation.to_degrees();
+    let direction = if degrees < 0.0 { "counterclockwise" } else { "clockwise" };
     let moved = (!shifts.is_empty()).then(|| format!("moved {}", shifts.join(" and ")));
-    let turned = (degrees.abs() >= 0.005).then(|| format!("turned {:.2}° {way}", degrees.abs()));
+    let rotated = (degrees.abs() >= 0.005).then(|| format!("rotated {:.2}° {direction}", degrees.abs()));
     let kept = (crop < 0.9995).then(|| format!("{:.1} % of width and height kept", 100.0 * crop));
-    let done: Vec<String> = [moved, turned, kept].into_iter().flatten().collect();
+    let done: Vec<String> = [moved, rotated, kept].into_iter().flatten().collect();
     if done.is_empty() { "left as it is".to_owned() } else { done.join(", ") }
 }
 
@@ -132,10 +132,10 @@ mod tests {
 
     #[test]
     fn what_was_done_is_told_as_the_picture_is_seen_to_move() {
-        let window = Window { shift: Vec2::new(12.34, -4.0), turn: 0.01, zoom: 1.1 };
+        let window = Window { shift: Vec2::new(12.34, -4.0), rotation: 0.01, zoom: 1.1 };
         let wanted =
-            "moved 12.3 px left and 4.0 px down, turned 0.57° counterclockwise, 91.2 % of width and height kept";
+            "moved 12.3 px left and 4.0 px down, rotated 0.57° counterclockwise, 91.2 % of width and height kept";
         assert_eq!(words(&window, 0.912), wanted);
-        assert_eq!(words(&Window { shift: Vec2::zeros(), turn: 0.0, zoom: 1.0 }, 1.0), "left as it is");
+        assert_eq!(words(&Window { shift: Vec2::zeros(), rotation: 0.0, zoom: 1.0 }, 1.0), "left as it is");
     }
 }

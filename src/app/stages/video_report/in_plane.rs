@@ -8,7 +8,7 @@
 //! after    p_t + (B_t(c) − c),        θ_t + ∠B_t,                 z_t / |B_t|
 //! ```
 //!
-//! summed from the start of each shot: the camera goes where the picture comes from. Shifts and turns are told as a player
+//! summed from the start of each shot: the camera goes where the picture comes from. Shifts and rotations are given as a player
 //! shows the picture.
 
 use super::shown::Shown;
@@ -18,7 +18,7 @@ use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
 
 /// What the plots mean, for the reader.
-pub(super) const NOTE: &str = "Where the camera looked, and where it looks now: shifts of the picture’s center, turns and zoom, \
+pub(super) const NOTE: &str = "Where the camera looked, and where it looks now: shifts of the picture’s center, rotations and zoom, \
     summed up from frame to frame within each shot, as the picture is shown. Positive is to the right, down, clockwise, nearer; \
     the zoom of the result includes what hides its borders. The colors above each plot are those of the modes below; every other \
     shot is shaded.";
@@ -28,8 +28,8 @@ pub(super) const NOTE: &str = "Where the camera looked, and where it looks now: 
 pub(super) struct Window {
     /// From the frame's center to the window's, px as shown.
     pub(super) shift: Vec2,
-    /// Clockwise turn as shown, rad.
-    pub(super) turn: f64,
+    /// Clockwise rotation as shown, rad.
+    pub(super) rotation: f64,
     /// By how much its content is enlarged.
     pub(super) zoom: f64,
 }
@@ -49,10 +49,10 @@ impl Windows {
         Self { frames, half_diagonal: center.coords.norm() }
     }
 
-    /// How far a window moves what lies around it, px.
+    /// Upper bound of how far a window moves the picture, px.
     pub(super) fn moved(&self, frame: usize) -> f64 {
         let window = self.frames.get(frame).copied().flatten();
-        window.map_or(0.0, |w| w.shift.norm() + w.turn.abs() * self.half_diagonal)
+        window.map_or(0.0, |w| w.shift.norm() + w.rotation.abs() * self.half_diagonal)
     }
 }
 
@@ -62,7 +62,7 @@ fn window(out_from_src: &Homography, center: Point2, shown: Shown) -> Option<Win
     let across = src_from_out.apply(center + Vec2::new(1.0, 0.0))? - here;
     Some(Window {
         shift: shown.shift(here - center),
-        turn: shown.turn(across.y.atan2(across.x)),
+        rotation: shown.rotation(across.y.atan2(across.x)),
         zoom: 1.0 / across.norm(),
     })
 }
@@ -71,21 +71,21 @@ fn center(motion: &ClipMotion) -> Point2 {
     Point2::new(f64::from(motion.width) / 2.0, f64::from(motion.height) / 2.0)
 }
 
-/// Where the camera is, against the start of its shot: shift in px, turn in degrees, zoom.
-type Place = [f64; 4];
+/// Where the camera is, against the start of its shot: shift in px, rotation in degrees, zoom.
+type CameraState = [f64; 4];
 
 /// Plots of shift, angle and zoom.
 pub(super) fn charts(motion: &ClipMotion, windows: &Windows, shown: Shown) -> Vec<Chart> {
-    let before = places(motion, shown);
-    let seen = |(place, window): (&Place, &Option<Window>)| {
-        let [x, y, angle, zoom] = *place;
-        window.map_or([f64::NAN; 4], |w| [x + w.shift.x, y + w.shift.y, angle + w.turn.to_degrees(), zoom * w.zoom])
+    let before = states(motion, shown);
+    let seen = |(state, window): (&CameraState, &Option<Window>)| {
+        let [x, y, angle, zoom] = *state;
+        window.map_or([f64::NAN; 4], |w| [x + w.shift.x, y + w.shift.y, angle + w.rotation.to_degrees(), zoom * w.zoom])
     };
-    let after: Vec<Place> = before.iter().zip(&windows.frames).map(seen).collect();
+    let after: Vec<CameraState> = before.iter().zip(&windows.frames).map(seen).collect();
     let axes =
         [("x, to the right", "px", 4.0), ("y, down", "px", 4.0), ("Angle, clockwise", "°", 0.5), ("Zoom", "×", 0.02)];
     let chart = |(i, (title, unit, least_span)): (usize, (&str, &str, f64))| {
-        let of = |places: &[Place]| places.iter().map(|p| p[i]).collect();
+        let of = |states: &[CameraState]| states.iter().map(|p| p[i]).collect();
         let curves = curves(of(&before), of(&after));
         Chart { title: title.to_owned(), unit: unit.to_owned(), least_span, curves }
     };
@@ -98,7 +98,7 @@ pub(super) fn curves(before: Vec<f64>, after: Vec<f64>) -> Curves {
     Curves::Two(Change { before: curve("original", before), after: curve("result", after) })
 }
 
-fn places(motion: &ClipMotion, shown: Shown) -> Vec<Place> {
+fn states(motion: &ClipMotion, shown: Shown) -> Vec<CameraState> {
     let center = center(motion);
     let mut out = Vec::with_capacity(motion.frames.len());
     for shot in &motion.shots {
@@ -107,7 +107,7 @@ fn places(motion: &ClipMotion, shown: Shown) -> Vec<Place> {
             if frame > shot.start {
                 let step = &motion.frames[frame].similarity;
                 shift -= shown.shift(step.apply(center) - center);
-                angle -= shown.turn(step.angle()).to_degrees();
+                angle -= shown.rotation(step.angle()).to_degrees();
                 zoom *= step.scale();
             }
             out.push([shift.x, shift.y, angle, zoom]);

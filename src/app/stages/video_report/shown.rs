@@ -5,12 +5,12 @@ use nalgebra::Matrix3;
 use plumbline_media::VideoInfo;
 use plumbline_num::math::Vec2;
 
-/// How a player shows the coded picture: mirrored from left to right or not, then turned.
+/// How a player shows the coded picture: mirrored from left to right or not, then rotated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shown {
     /// Clockwise, degrees.
     pub(super) rotation_deg: f64,
-    /// Left and right change places first.
+    /// Left and right are swapped first.
     pub(super) mirrored: bool,
 }
 
@@ -25,8 +25,8 @@ impl Shown {
         Vec2::new(m[(0, 0)] * v.x + m[(0, 1)] * v.y, m[(1, 0)] * v.x + m[(1, 1)] * v.y)
     }
 
-    /// A clockwise turn of the coded picture, as a viewer sees it.
-    pub(super) fn turn(self, angle: f64) -> f64 {
+    /// A clockwise rotation of the coded picture, as a viewer sees it.
+    pub(super) fn rotation(self, angle: f64) -> f64 {
         if self.mirrored { -angle } else { angle }
     }
 
@@ -56,6 +56,6 @@ mod tests {
         near(Shown { rotation_deg: 90.0, mirrored: false }.shift(right), Vec2::new(0.0, 1.0));
         near(Shown { rotation_deg: 90.0, mirrored: true }.shift(right), Vec2::new(0.0, -1.0));
         near(Shown { rotation_deg: -90.0, mirrored: false }.shift(Vec2::new(0.0, 2.0)), Vec2::new(2.0, 0.0));
-        assert_eq!(Shown { rotation_deg: 90.0, mirrored: true }.turn(0.1), -0.1);
+        assert_eq!(Shown { rotation_deg: 90.0, mirrored: true }.rotation(0.1), -0.1);
     }
 }

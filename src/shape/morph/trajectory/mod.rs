@@ -55,7 +55,8 @@ pub struct TrajectoryOptions {
     /// Iterations that make each shape as rigid as possible towards both meshes; 0 for the Poisson solution.
     ///
     /// Convergence is fast: after 10 iterations frames of a running horse still change by 10⁻⁴ of its size.
-    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 10_000)))]
+    #[serde(alias = "rounds")]
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 10_000), extend("aliases" = ["rounds"])))]
     pub iterations: usize,
     /// Full turns added to the global rotation; -1 turns 90 degrees into 270 degrees in the opposite direction.
     #[cfg_attr(feature = "schema", schemars(range(min = -100, max = 100)))]
