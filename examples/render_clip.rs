@@ -159,7 +159,7 @@ fn truth(o: &Options, shot: &Shot) -> serde_json::Value {
     serde_json::json!({
         "format": "plumbline.truth", "version": 1,
         "width": o.size.0, "height": o.size.1, "fps": o.fps, "frames": o.frames,
-        "focal_px": shot.view.focal_px, "pixel_centre": 0.5, "readout_s": shot.view.readout_s,
+        "focal_px": shot.view.focal_px, "pixel_center": 0.5, "readout_s": shot.view.readout_s,
         "seed": o.seed, "shake": o.shake,
         "cam_from_world": "[qw, qx, qy, qz, tx, ty, tz]; x right, y down, z forward; m; pose of the middle row",
         "shaky": times().map(|t| row(shot.path.shaken(t))).collect::<Vec<_>>(),

@@ -92,7 +92,7 @@ fn lines(room: &Room, lens: &Lens, pose: &CameraPose) -> Value {
         json!({ "name": line.name, "points": points, "orientation": orientation })
     });
     json!({
-        "format": "plumbline.lines", "version": 1, "pixel_centre": 0.5,
+        "format": "plumbline.lines", "version": 1, "pixel_center": 0.5,
         "source": { "width": lens.size.0 as u32, "height": lens.size.1 as u32 },
         "lines": lines.collect::<Vec<_>>(),
     })

@@ -75,7 +75,7 @@ def marked_lines(path):
     content = json.loads(Path(path).read_text())
     if isinstance(content, list):
         return content
-    shift = content.get("pixel_centre", 0.5)
+    shift = content.get("pixel_center", content.get("pixel_centre", 0.5))
     return [{"id": line["name"], "points": [[x - shift, y - shift] for x, y in line["points"]],
              "orientation": {"horizontal": "h", "vertical": "v"}.get(line.get("orientation"))}
             for line in content["lines"] if not line.get("off")]

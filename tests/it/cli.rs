@@ -54,7 +54,7 @@ fn stage_kinds_are_described_from_the_registry() {
 #[test]
 fn a_bad_command_line_exits_2_names_what_is_allowed_and_prints_no_result() {
     let cases: [(&str, &[&str], &str); 13] = [
-        ("no target", &["stabilize", "a.mp4"], "--output <OUTPUT>|--out-dir <DIR>"),
+        ("no target", &["stabilize", "a.mp4"], "--output <OUTPUT>|--out-dir <DIR>|--suffix <TEXT>"),
         ("two targets", &["stabilize", "a.mp4", "-o", "b.mp4", "--out-dir", "d"], "cannot be used with"),
         ("keep", &["stabilize", "a.mp4", "-o", "b.mp4", "--keep", "140%"], "out of range (expected 0.3 to 1)"),
         ("nan", &["stabilize", "a.mp4", "-o", "b.mp4", "--smoothness", "nan"], "out of range (expected 0.05 to 30)"),
@@ -250,4 +250,58 @@ fn the_document_on_commands_names_every_command_and_exit_status() {
     for status in [0, 1, 2, 3, 65, 73, 75] {
         assert!(document.contains(&format!("\n| {status} | ")), "{status}");
     }
+}
+
+/// What `--print-pipeline` prints for `args`.
+fn printed(args: &[&str]) -> String {
+    let file = pipeline_of(["plumbline"].iter().chain(args)).unwrap_or_else(|e| panic!("{args:?}: {e}"));
+    let text = print(&file);
+    check(file).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
+    text
+}
+
+#[test]
+fn a_suffix_names_results_and_folders_take_the_further_files_of_many_inputs() {
+    let many = ["a.mp4", "b.mp4", "--suffix", "_steady", "--report", "pages/", "--export-motion", "motion"];
+    let text = printed(&[&["stabilize"], &many[..], &["--export-stmap", "maps", "--compare"]].concat());
+    for path in [
+        "${item.dir}/${item.stem}_steady.${item.ext}",
+        "${item.dir}/${item.stem}_steady.compare.${item.ext}",
+        "pages/${item.stem}_steady.html",
+        "motion/${item.stem}_steady.motion.json",
+        "maps/${item.stem}_steady",
+    ] {
+        assert!(text.contains(&format!("path = \"{path}\"")), "{path}: {text}");
+    }
+    let photos = ["rectify", "p/*.jpg", "--out-dir", "d", "--suffix", "-flat", "--report", "r", "--save-lines", "l"];
+    let text = printed(&photos);
+    for path in ["d/${item.stem}-flat.png", "r/${item.stem}-flat.html", "l/${item.stem}-flat.lines.json"] {
+        let kept = path.replace(".png", ".${item.ext}");
+        assert!(text.contains(&format!("path = \"{path}\"")) || text.contains(&kept), "{path}: {text}");
+    }
+    let one = printed(&["stabilize", "a.mp4", "--suffix", "_s", "--report", "a.json"]);
+    assert!(one.contains("path = \"a.json\""), "one input names its report itself: {one}");
+}
+
+#[test]
+fn settings_of_a_file_are_the_defaults_of_options_and_reach_settings_without_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("mine.toml");
+    let text = "version = 1\n[video.smooth]\nreserve = 0.03\n[video.encode]\ncrf = 25\npreset = \"fast\"\n\
+                [mesh.render]\nwireframe = true\n[run]\nthreads = 3\n";
+    std::fs::write(&file, text).expect("a small file");
+    let settings = file.to_str().expect("UTF-8");
+    let clip = printed(&["stabilize", "a.mp4", "-o", "b.mp4", "--settings", settings, "--crf", "23"]);
+    for line in ["reserve = 0.03", "crf = 23", "preset = \"fast\"", "threads = 3"] {
+        assert!(clip.lines().any(|l| l.trim().replace("  ", " ") == line), "{line}: {clip}");
+    }
+    assert!(!clip.contains("wireframe"), "settings of kinds that a command does not use are left out: {clip}");
+    assert!(printed(&["render", "a.obj", "-o", "a.png", "--settings", settings]).contains("wireframe = true"));
+    std::fs::write(&file, "[video.smooth]\nkeeep = 0.7\n").expect("a small file");
+    let wrong = plumbline(&["stabilize", "a.mp4", "-o", "b.mp4", "--settings", settings]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(err(&wrong).contains("did you mean `keep`?") && err(&wrong).contains("mine.toml:2:1"), "{}", err(&wrong));
+    std::fs::write(&file, "[video.encode]\ncrf = 18\n").expect("a small file");
+    let explicit = printed(&["stabilize", "a.mp4", "-o", "b.mp4", "--settings", settings]);
+    assert!(explicit.contains("crf = 18"), "{explicit}");
 }

@@ -72,7 +72,7 @@ fn targets_are_checked_before_anything_is_written() {
     for (args, status, message) in [
         (&["a.ply", "-o", "a.ply", "--overwrite"][..], 2, "is an input; results never replace inputs"),
         (&["a.ply", "-o", "b.xyz"], 2, "the extension is none of obj, ply, off, stl, gltf, glb"),
-        (&["a.ply", "a.ply", "-o", "b.obj"], 2, "2 inputs and one --output; give --out-dir"),
+        (&["a.ply", "a.ply", "-o", "b.obj"], 2, "2 inputs and one --output; give --out-dir or --suffix"),
         (&["a.ply", "a.ply", "--out-dir", "x"], 2, "two inputs would be written as"),
         (&["a.ply"], 2, "--out-dir"),
         (&["a.ply", "-o", "none/b.obj"], 73, "cannot be written"),

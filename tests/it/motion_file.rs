@@ -36,7 +36,7 @@ fn a_motion_file_brings_back_what_was_written() {
 #[test]
 fn a_file_with_pixel_centers_at_integers_is_shifted() {
     let clip = sample_clip();
-    let text = written(&clip).replace("\"pixel_centre\": 0.5", "\"pixel_centre\": 0");
+    let text = written(&clip).replace("\"pixel_center\": 0.5", "\"pixel_centre\": 0");
     let shifted = ClipMotion::from_json(text.as_bytes()).expect("centers at integers are accepted");
     for (a, b) in clip.frames.iter().zip(&shifted.frames) {
         let p = Point2::new(100.0, 200.0);
@@ -67,7 +67,7 @@ fn every_refusal_names_the_field_the_value_and_what_may_stand_there() {
         ("\"rotation\":90", "\"rotation\":45", "source.rotation is 45"),
         ("\"time_base\":[1,30000]", "\"time_base\":[1,0]", "source.time_base is [1, 0]"),
         ("\"pixel_aspect\":[4,3]", "\"pixel_aspect\":[0,3]", "source.pixel_aspect is [0, 3]"),
-        ("\"pixel_centre\": 0.5", "\"pixel_centre\": 0.25", "pixel_centre is 0.25 (expected 0.5, or 0)"),
+        ("\"pixel_center\": 0.5", "\"pixel_center\": 0.25", "pixel_center is 0.25 (expected 0.5, or 0)"),
         ("\"readout_s\": 0.02", "\"readout_s\": 2", "readout_s is 2 (expected -0.1 to 0.1 s)"),
         ("\"pts\":1001", "\"pts\":0", "frames[1].pts is 0 (expected later than the frame before)"),
         ("\"shot\":1", "\"shot\":7", "frames[5].shot is 7"),
@@ -133,7 +133,7 @@ fn points_in_another_unit_with_centers_at_integers_are_shifted() {
     let (_, store, text) = written_with_tracks();
     let step = 1.0 / 256.0;
     let mut file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    file["pixel_centre"] = 0.into();
+    file["pixel_center"] = 0.into();
     file["tracks"]["unit_px"] = 0.5.into();
     for frame in file["tracks"]["frames"].as_array_mut().expect("frames") {
         for axis in ["x", "y"] {
@@ -229,7 +229,7 @@ fn damaged_files_are_refused_or_read_but_never_panic() {
 #[test]
 fn the_schema_names_every_field_of_the_file() {
     let schema = serde_json::to_string(&motion::motion_file_schema()).expect("a schema is JSON");
-    let planar = ["pixel_centre", "time_base", "readout_s", "planar", "planar_similarity", "verdict", "tier", "pts"];
+    let planar = ["pixel_center", "time_base", "readout_s", "planar", "planar_similarity", "verdict", "tier", "pts"];
     let in_space = ["cameras", "points", "reconstruction", "focal", "tracks", "unit_px", "ids", "moving"];
     for field in planar.into_iter().chain(in_space) {
         assert!(schema.contains(&format!("\"{field}\"")), "{field}");

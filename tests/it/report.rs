@@ -104,7 +104,7 @@ fn a_page_that_exists_is_refused_before_any_work() {
 }
 
 #[test]
-fn a_page_for_many_clips_or_for_standard_output_is_refused() {
+fn a_report_of_another_format_or_for_standard_output_is_refused() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();
     clip(folder);
@@ -114,15 +114,16 @@ fn a_page_for_many_clips_or_for_standard_output_is_refused() {
         assert_eq!(refused.status.code(), Some(2), "{args:?}");
         err(&refused)
     };
-    let many = stabilize(&["clip.mp4", "other.mp4", "--out-dir", "out", "--report", "page.html"]);
-    assert!(many.contains("--report names one file, but --out-dir is for many"), "{many}");
+    let other = stabilize(&["clip.mp4", "-o", "out.mp4", "--report", "page.txt"]);
+    assert!(other.contains("`page.txt` is no name for a report (expected the extension .html or .json)"), "{other}");
     let standard = stabilize(&["clip.mp4", "-o", "out.mp4", "--report", "-"]);
-    assert!(standard.contains("a page cannot be written to standard output"), "{standard}");
-    let input = stabilize(&["clip.mp4", "-o", "out.mp4", "--report", "clip.mp4"]);
+    assert!(standard.contains("a report cannot be written to standard output"), "{standard}");
+    std::fs::rename(folder.join("other.mp4"), folder.join("other.html")).expect("renamed");
+    let input = stabilize(&["other.html", "-o", "out.mp4", "--report", "other.html"]);
     assert!(input.contains("would be written over its input"), "{input}");
-    let twice = stabilize(&["clip.mp4", "-o", "out.mp4", "--report", "out.mp4"]);
+    let twice = stabilize(&["clip.mp4", "-o", "out.html", "--report", "out.html"]);
     assert!(twice.contains("would be written twice"), "{twice}");
-    assert_eq!(names(folder), ["clip.mp4", "other.mp4"]);
+    assert_eq!(names(folder), ["clip.mp4", "other.html"]);
 }
 
 /// A pipeline over two clips whose pages are `path`, with no other result.

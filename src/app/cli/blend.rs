@@ -1,4 +1,4 @@
-//! `plumbline blend`: two meshes mixed as painted.
+//! `plumbline blend`: two meshes blended with painted weights.
 
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub(super) struct BlendArgs {
     job: JobArgs,
 }
 
-/// What it says of `mesh.blend`.
+/// Options for `mesh.blend`.
 struct Blend;
 
 impl Offer for Blend {
@@ -52,7 +52,7 @@ impl BlendArgs {
         run_or_print(self.pipeline(), self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> PipelineFile {
         let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
         let blend = &self.blend.settings;

@@ -20,7 +20,7 @@ enum MessageFormat {
 pub(super) struct CheckArgs {
     #[command(flatten)]
     pipeline: PipelineArgs,
-    /// How faults are told
+    /// Form of the list of faults
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
     message_format: MessageFormat,
 }

@@ -1,4 +1,4 @@
-//! Options of every command that analyzes a clip: what of it is read, how its motion is found, how the run goes.
+//! Options of every command that analyzes a clip: the part that is read, motion estimation, the run.
 
 use std::path::PathBuf;
 
@@ -66,7 +66,7 @@ impl Offer for Decode {
     ];
 }
 
-/// What they say of `video.track`.
+/// Options for `video.track`.
 struct Track;
 
 impl Offer for Track {
@@ -74,7 +74,7 @@ impl Offer for Track {
     const SETTINGS: &'static [Setting] = &[Setting::of("mask").under("Analysis")];
 }
 
-/// What they say of `video.motion`.
+/// Options for `video.motion`.
 struct CameraMotion;
 
 impl Offer for CameraMotion {

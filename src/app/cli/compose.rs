@@ -1,4 +1,4 @@
-//! `plumbline compose`: one mesh made of parts of two.
+//! `plumbline compose`: parts of two meshes joined into one.
 
 use std::path::{Path, PathBuf};
 
@@ -16,10 +16,10 @@ use crate::stages::{ComposeSettings, MeshLoadSettings, MeshSaveSettings};
 /// Options of `plumbline compose`.
 #[derive(Debug, Args)]
 pub(super) struct ComposeArgs {
-    /// The mesh that stays where it is
+    /// The base mesh, which keeps its position
     #[arg(value_name = "BASE")]
     base: PathBuf,
-    /// The mesh of which a part is added
+    /// The mesh from which a part is added
     #[arg(value_name = "PART")]
     part: PathBuf,
     /// The file to write; its extension chooses the format
@@ -32,7 +32,7 @@ pub(super) struct ComposeArgs {
     job: JobArgs,
 }
 
-/// What it says of `mesh.compose`.
+/// Options for `mesh.compose`.
 struct Compose;
 
 impl Offer for Compose {
@@ -46,7 +46,7 @@ impl ComposeArgs {
         run_or_print(self.pipeline(), self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> PipelineFile {
         let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
         let compose = &self.compose.settings;

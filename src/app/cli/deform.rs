@@ -36,7 +36,7 @@ pub(super) struct DeformArgs {
     job: JobArgs,
 }
 
-/// What it says of `mesh.deform`.
+/// Options for `mesh.deform`.
 struct Deform;
 
 impl Offer for Deform {
@@ -63,7 +63,7 @@ impl DeformArgs {
         run_or_print(self.pipeline()?, self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     #[expect(clippy::unnecessary_wraps, reason = "as every command that builds a pipeline")]
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };

@@ -11,7 +11,7 @@ use crate::pipeline::{Exit, RunError};
 
 /// What the signals set.
 pub(super) struct Interrupt {
-    /// The work shall stop.
+    /// Asks the work to stop.
     pub cancel: Arc<AtomicBool>,
     signal: Arc<AtomicUsize>,
 }

@@ -1,4 +1,4 @@
-//! What commands share whose options mean a pipeline: how the job goes, and which files it is for.
+//! Options of all commands that build a pipeline: how the job runs, and on which files.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -77,7 +77,7 @@ impl fmt::Display for WeightsArg {
 }
 
 impl WeightsArg {
-    /// The method, or the one that a file stands in for.
+    /// The method; that of a file is the default, which the file overrides.
     pub(super) fn binding(&self) -> WeightMethod {
         if let Self::How(how) = self { *how } else { WeightMethod::default() }
     }
@@ -101,7 +101,7 @@ pub(super) fn only_input<'a>(inputs: &'a [String], many: &str) -> Result<&'a str
     Ok(input)
 }
 
-/// Whether a name stands for what a folder holds or a glob matches.
+/// Whether a name is a folder or a glob, which may be many files.
 pub(super) fn may_be_many(input: &str) -> bool {
     let path = Path::new(input);
     path.is_dir() || (is_glob(input) && !path.exists())

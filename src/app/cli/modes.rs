@@ -1,4 +1,4 @@
-//! `plumbline modes`: how a mesh bends most easily, and its near-rigid parts.
+//! `plumbline modes`: vibration modes of a mesh, and its near-rigid parts.
 
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ pub(super) struct ModesArgs {
     job: JobArgs,
 }
 
-/// What it says of `mesh.modes`.
+/// Options for `mesh.modes`.
 struct Modes;
 
 impl Offer for Modes {
@@ -45,7 +45,7 @@ impl ModesArgs {
         run_or_print(self.pipeline(), self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> PipelineFile {
         let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
         let modes = StageEntry::built("modes", &self.modes.settings).input("mesh", "mesh");

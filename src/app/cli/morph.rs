@@ -1,4 +1,4 @@
-//! `plumbline morph`: the shapes between two meshes. Builds the same graph as `pipeline/morph.toml`.
+//! `plumbline morph`: interpolation between two meshes. Builds the same graph as `pipeline/morph.toml`.
 
 use std::path::{Path, PathBuf};
 
@@ -23,12 +23,12 @@ pub(super) struct MorphArgs {
     /// The mesh at the end: another pose of the first, or any mesh with --landmarks
     #[arg(value_name = "SECOND")]
     second: PathBuf,
-    /// A folder, for morph_0000.EXT and so on; a .glb or .gltf file, which moves through all shapes; or another file, for
+    /// A folder, for morph_0000.EXT and so on; a .glb or .gltf file, animated through all shapes; or another file, for
     /// NAME_0000.EXT
     #[arg(short, long, value_name = "FOLDER|FILE")]
     output: PathBuf,
 
-    /// How long a .glb or .gltf file moves, in seconds
+    /// Duration of the animation in a .glb or .gltf file, in seconds
     #[arg(long, default_value_t = 2.0, value_name = "S")]
     #[arg(value_parser = |text: &str| number_for::<MeshSaveSettings>("seconds", text))]
     seconds: f64,
@@ -39,7 +39,7 @@ pub(super) struct MorphArgs {
     job: JobArgs,
 }
 
-/// What it says of `mesh.morph`.
+/// Options for `mesh.morph`.
 struct Morph;
 
 impl Offer for Morph {
@@ -61,7 +61,7 @@ impl MorphArgs {
         run_or_print(self.pipeline(), self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> PipelineFile {
         let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
         let morph = &self.morph.settings;

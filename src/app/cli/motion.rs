@@ -1,4 +1,4 @@
-//! `plumbline motion`: how the camera moved, in the picture and in space, as files for other programs and later runs.
+//! `plumbline motion`: the motion of the camera, in the image plane and in space, as files for other programs and later runs.
 
 use clap::{ArgGroup, Args};
 
@@ -24,7 +24,7 @@ pub(super) struct MotionArgs {
     clip: ClipArgs,
 }
 
-/// What it says of `video.motion_export`.
+/// Options for `video.motion_export`.
 struct Export;
 
 impl Offer for Export {
@@ -42,7 +42,7 @@ impl MotionArgs {
         run_or_print(self.pipeline(), self.clip.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     fn pipeline(&self) -> PipelineFile {
         let mut stages = self.clip.analysis(escape(&self.input), true);
         let export = StageEntry::built("files", &self.export.settings);

@@ -1,4 +1,4 @@
-//! Options of commands that mean the settings of a stage, built from the JSON schema of its kind.
+//! Options of commands that set the settings of a stage, built from the JSON schema of its kind.
 //!
 //! A command lists which settings it offers, under which heading, and what their values are called in help. Text, default,
 //! range and choices are those of the schema, so that help, `plumbline stages`, the checks of pipeline files and editors say
@@ -79,7 +79,7 @@ impl Setting {
         Self { heading: Some(heading), ..self }
     }
 
-    /// It means nothing without another option.
+    /// It requires another option.
     pub(super) const fn requires(self, id: &'static str) -> Self {
         Self { requires: Some(id), ..self }
     }
@@ -94,7 +94,7 @@ impl Setting {
         Self { signed: true, ..self }
     }
 
-    /// Its range is worth a word in help.
+    /// Help shows its range.
     pub(super) const fn ranged(self) -> Self {
         Self { ranged: true, ..self }
     }
@@ -174,7 +174,7 @@ impl Setting {
         if is(property, "array") {
             return ValueParser::new(|text: &str| Ok::<_, String>(Json::String(escape(text))));
         }
-        // What has a form of its own holds no reference; other text may look like one.
+        // Text with a pattern holds no reference; other text may look like one.
         let free = property["pattern"].is_null() && words.is_empty();
         ValueParser::new(move |text: &str| {
             let json = Json::String(if free { escape(text) } else { text.to_owned() });
@@ -183,7 +183,7 @@ impl Setting {
         })
     }
 
-    /// What the user gave.
+    /// The value that the user gave.
     fn given(self, matches: &ArgMatches, property: &Json) -> Option<Json> {
         let id = self.id();
         if is(property, "boolean") {
@@ -204,7 +204,7 @@ pub(super) trait Offer {
     const SETTINGS: &'static [Setting];
 }
 
-/// Settings from the command line; those that it does not offer have their defaults.
+/// Settings from the command line; those without an option have their defaults.
 pub(super) struct Given<O: Offer> {
     pub(super) settings: O::Kind,
 }

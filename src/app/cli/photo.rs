@@ -1,4 +1,4 @@
-//! Options of the commands on still pictures: what is read and written, which lines and faces count.
+//! Options of the commands on still pictures: inputs and outputs, lines and faces to keep in shape.
 
 use std::path::{Path, PathBuf};
 
@@ -29,12 +29,12 @@ pub(super) struct PhotoArgs {
     #[command(flatten)]
     pub(super) target: TargetArgs,
 
-    /// Lines that shall be straight: auto finds them, off takes none; NAME.lines.json beside the picture if left out, and where
-    /// there is none, auto
-    #[arg(long, value_name = "auto|off|FILE", help_heading = "What to spare")]
+    /// Lines to make straight: auto finds them, off uses none; if left out, NAME.lines.json beside the picture, or auto where
+    /// there is no such file
+    #[arg(long, value_name = "auto|off|FILE", help_heading = "What to keep in shape")]
     lines: Option<String>,
-    /// Faces that shall keep their shape
-    #[arg(long, default_value = "auto", value_name = "auto|off|FILE", help_heading = "What to spare")]
+    /// Faces to keep in shape: auto finds them
+    #[arg(long, default_value = "auto", value_name = "auto|off|FILE", help_heading = "What to keep in shape")]
     pub(super) faces: String,
 
     #[command(flatten)]
@@ -61,7 +61,7 @@ pub(super) struct PhotoArgs {
     pub(super) job: JobArgs,
 }
 
-/// What the commands say of `image.save`.
+/// Options for `image.save`.
 struct Save;
 
 impl Offer for Save {
@@ -69,7 +69,7 @@ impl Offer for Save {
     const SETTINGS: &'static [Setting] = &[Setting::of("quality").value("Q").ranged().under("Writing")];
 }
 
-/// What they say of `image.load`.
+/// Options for `image.load`.
 struct Load;
 
 impl Offer for Load {
@@ -89,7 +89,7 @@ struct Names {
 
 impl PhotoArgs {
     /// The pipeline of a command: the shared stages around those that make the map, the last of which is called `map`. `stages`
-    /// is told whether lines and faces are wanted.
+    /// gets the stages that give lines and faces.
     pub(super) fn pipeline(
         &self,
         name: &str,
@@ -230,7 +230,7 @@ impl PhotoArgs {
     }
 }
 
-/// Stages that give what a map spares, by name.
+/// Stages that give the lines and faces to keep in shape, by name.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted {
     pub(super) lines: Option<&'static str>,

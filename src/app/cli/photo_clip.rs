@@ -21,7 +21,7 @@ use crate::stages::{
 /// Options that only clips have.
 #[derive(Debug, Args)]
 pub(super) struct PhotoClipArgs {
-    /// Also hold the clip steady, in the same interpolation
+    /// Also stabilize the clip, in the same interpolation
     #[arg(long, help_heading = "Clips")]
     pub(super) stabilize: bool,
     #[command(flatten)]
@@ -32,7 +32,7 @@ pub(super) struct PhotoClipArgs {
     encode: Given<Encode>,
 }
 
-/// What the commands say of `video.decode`.
+/// Options for `video.decode`.
 struct Decode;
 
 impl Offer for Decode {
@@ -43,7 +43,7 @@ impl Offer for Decode {
     ];
 }
 
-/// What they say of `video.encode`.
+/// Options for `video.encode`.
 struct Encode;
 
 impl Offer for Encode {
@@ -55,7 +55,7 @@ impl Offer for Encode {
 }
 
 impl PhotoClipArgs {
-    /// Refuses options of clips where there are only photos.
+    /// Refuses options of clips where all inputs are photos.
     pub(super) fn refuse_for_photos(&self) -> Result<(), Failure> {
         let (decode, encode) = (&self.decode.settings, &self.encode.settings);
         let given = [
@@ -69,7 +69,7 @@ impl PhotoClipArgs {
         refuse(&given, "is for clips, but the inputs are pictures")
     }
 
-    /// What holds a clip steady: stages `path` and `warp`.
+    /// Stages that stabilize a clip: `path` and `warp`.
     pub(super) fn steady() -> Vec<StageEntry> {
         let path = StageEntry::built("path", &SmoothSettings::default()).input("motion", "motion");
         let warp = StageEntry::built("warp", &WarpSettings::default());
@@ -103,7 +103,7 @@ impl PhotoClipArgs {
         })
     }
 
-    /// What is read and what is written.
+    /// Input and output.
     fn names(&self, photo: &PhotoArgs) -> Result<(String, String), Failure> {
         let kept = photo.inputs.iter().all(|input| has_extension(input, &KEPT_CONTAINERS));
         let extension = match self.encode.settings.codec {

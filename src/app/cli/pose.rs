@@ -37,7 +37,7 @@ pub(super) struct PoseArgs {
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
 
-    /// Poses of the movement, or from rest to the pose, as NAME_0000.EXT and so on; of a folder 24 if left out
+    /// Number of poses of the animation, or from rest to the pose, as NAME_0000.EXT and so on; 24 in a folder
     #[arg(long, value_name = "N", help_heading = "Writing", value_parser = clap::value_parser!(u32).range(1..=9999))]
     frames: Option<u32>,
     /// Also draw the last pose
@@ -50,7 +50,7 @@ pub(super) struct PoseArgs {
     job: JobArgs,
 }
 
-/// What it says of `character.pose`.
+/// Options for `character.pose`.
 struct Posing;
 
 impl Offer for Posing {
@@ -74,7 +74,7 @@ impl PoseArgs {
         run_or_print(self.pipeline()?, self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let (output, frames) = self.files();
         if self.posing.settings.rig

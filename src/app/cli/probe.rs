@@ -1,4 +1,4 @@
-//! `plumbline probe`: what is in a clip.
+//! `plumbline probe`: contents of a clip.
 
 use clap::Args;
 

@@ -1,4 +1,4 @@
-//! `plumbline rectify`: wide-angle pictures with straight lines, clips without their lens. For pictures, builds the same graph as `pipeline/rectify.toml`.
+//! `plumbline rectify`: wide-angle pictures with straight lines, clips without lens distortion. For pictures, builds the same graph as `pipeline/rectify.toml`.
 
 use clap::Args;
 
@@ -42,7 +42,7 @@ pub struct RectifyArgs {
     render: Given<Render>,
 }
 
-/// What it says of `photo.rectify`: the lens.
+/// Options for `photo.rectify`: the lens.
 struct Lens;
 
 impl Offer for Lens {
@@ -54,10 +54,10 @@ impl Offer for Lens {
     ];
 }
 
-/// Longer words for the ways that a field of view is measured.
+/// Longer words for the axes of a field of view.
 const FOV_ALIASES: [(&str, &str); 3] = [("h", "horizontal"), ("v", "vertical"), ("d", "diagonal")];
 
-/// What it says of `photo.rectify`: the result.
+/// Options for `photo.rectify`: the result.
 struct View;
 
 impl Offer for View {
@@ -70,7 +70,7 @@ impl Offer for View {
     ];
 }
 
-/// What it says of `image.render`.
+/// Options for `image.render`.
 struct Render;
 
 impl Offer for Render {
@@ -84,7 +84,7 @@ impl RectifyArgs {
         run_or_print(self.pipeline()?, self.photo.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         if are_clips(&self.photo.inputs)? { self.of_clips() } else { self.of_photos() }
     }

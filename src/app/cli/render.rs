@@ -39,7 +39,7 @@ impl Offer for RenderView {
         &[Setting::of("view").value("VIEW").signed().requires("render").under("Writing")];
 }
 
-/// What it says of `mesh.render`.
+/// Options for `mesh.render`.
 struct Render;
 
 impl Offer for Render {
@@ -64,7 +64,7 @@ impl RenderArgs {
         run_or_print(self.pipeline()?, self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let Names { source, output } = self.target.names(&self.inputs, "meshes", "png")?;
         let load = MeshLoadSettings { path: source, ..MeshLoadSettings::default() };

@@ -31,7 +31,7 @@ pub struct RetargetArgs {
     render: Given<Render>,
 }
 
-/// What it says of `photo.retarget`.
+/// Options for `photo.retarget`.
 struct Shape;
 
 impl Offer for Shape {
@@ -39,15 +39,15 @@ impl Offer for Shape {
     const SETTINGS: &'static [Setting] = &[Setting::of("size").value("SIZE|W:H").under("Result")];
 }
 
-/// What it says of `image.importance`.
+/// Options for `image.importance`.
 struct Painted;
 
 impl Offer for Painted {
     type Kind = ImportanceSettings;
-    const SETTINGS: &'static [Setting] = &[Setting::of("mask").named("importance").under("What to spare")];
+    const SETTINGS: &'static [Setting] = &[Setting::of("mask").named("importance").under("What to keep in shape")];
 }
 
-/// What it says of `image.render`.
+/// Options for `image.render`.
 struct Render;
 
 impl Offer for Render {
@@ -60,7 +60,7 @@ impl RetargetArgs {
         run_or_print(self.pipeline()?, self.photo.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         if are_clips(&self.photo.inputs)? { self.of_clips() } else { self.of_photos() }
     }

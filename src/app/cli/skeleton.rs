@@ -44,7 +44,7 @@ pub(super) struct SkeletonArgs {
     job: JobArgs,
 }
 
-/// What it says of `skeleton.extract`.
+/// Options for `skeleton.extract`.
 struct Extract;
 
 impl Offer for Extract {
@@ -63,7 +63,7 @@ impl SkeletonArgs {
         run_or_print(self.pipeline()?, self.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let extension = match self.format {
             SkeletonFormat::Json => "json",

@@ -1,4 +1,4 @@
-//! `plumbline skin`: how a surface follows a skeleton.
+//! `plumbline skin`: skinning weights, and skins learned from examples.
 
 use std::path::{Path, PathBuf};
 
@@ -22,9 +22,9 @@ pub(super) struct SkinArgs {
 
 #[derive(Debug, Subcommand)]
 enum SkinCommand {
-    /// Find how much each vertex of a mesh follows each joint of a skeleton
+    /// Compute the skinning weights of a mesh for a skeleton
     Weights(WeightsArgs),
-    /// Learn from poses of a mesh how it follows a skeleton
+    /// Learn a skin from poses of a mesh (rotational regression)
     Train(Box<TrainArgs>),
 }
 
@@ -96,7 +96,7 @@ impl SkinArgs {
         run_or_print(self.pipeline(), self.job().print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> PipelineFile {
         match &self.command {
             SkinCommand::Weights(args) => args.pipeline(),

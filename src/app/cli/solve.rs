@@ -18,10 +18,10 @@ pub(super) struct SolveArgs {
     /// Right-hand sides, Matrix Market; without them, those whose solution is 1 throughout
     #[arg(value_name = "B.mtx")]
     rhs: Option<PathBuf>,
-    /// Order in which a symmetric matrix is eliminated
+    /// Elimination order of a symmetric matrix
     #[arg(long, value_enum, default_value = "amd")]
     ordering: Order,
-    /// How to solve
+    /// Solver
     #[arg(long, value_enum, default_value = "auto")]
     method: Method,
     /// Add UᵀU to a positive definite matrix, by low-rank updates of its factor
@@ -33,8 +33,8 @@ pub(super) struct SolveArgs {
     /// Write the solution, Matrix Market
     #[arg(short, long, value_name = "X.mtx")]
     output: Option<PathBuf>,
-    /// Write fill, arithmetic, residual and condition as JSON
-    #[arg(long, value_name = "FILE.json")]
+    /// Write a report: fill, operations, residual and condition
+    #[arg(long, value_name = "FILE.html|FILE.json")]
     report: Option<PathBuf>,
     /// Draw matrix and factor in all four orders, side by side
     #[arg(long, value_name = "FILE.png")]
@@ -55,7 +55,7 @@ enum Order {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Method {
-    /// Cholesky, LDLt, LU or QR: the cheapest that the matrix allows
+    /// Cholesky, LDLt, LU or QR: the least expensive that the matrix allows
     Auto,
     /// LLt in blocks of columns
     Cholesky,

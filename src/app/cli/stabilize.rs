@@ -59,7 +59,7 @@ pub struct StabilizeArgs {
     export_stmap: Option<PathBuf>,
 }
 
-/// What it says of `video.warp`.
+/// Options for `video.warp`.
 struct Warp;
 
 impl Offer for Warp {
@@ -67,7 +67,7 @@ impl Offer for Warp {
     const SETTINGS: &'static [Setting] = &[Setting::of("mode").value("MODE").under("Stabilization")];
 }
 
-/// What it says of `video.smooth`.
+/// Options for `video.smooth`.
 struct Smooth;
 
 impl Offer for Smooth {
@@ -82,7 +82,7 @@ impl Offer for Smooth {
     ];
 }
 
-/// What it says of `video.render`.
+/// Options for `video.render`.
 struct Render;
 
 impl Offer for Render {
@@ -94,7 +94,7 @@ impl Offer for Render {
     ];
 }
 
-/// What it says of `video.encode`.
+/// Options for `video.encode`.
 struct Encode;
 
 impl Offer for Encode {
@@ -117,7 +117,7 @@ impl StabilizeArgs {
         run_or_print(self.pipeline()?, self.clip.job.print_pipeline, session)
     }
 
-    /// The pipeline that the options mean.
+    /// The pipeline that the options stand for.
     pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let (source, output) = match self.target.file() {
             Some(output) => (self.only_input()?, literal_path(output)),

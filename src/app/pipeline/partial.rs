@@ -67,8 +67,8 @@ impl PartialFile {
                 problems.push(
                     Problem::new("unknown-key", format!("a file of settings has no `{key}`"))
                         .label(entry.key_span, "unknown")
-                        .suggest(did_you_mean(key, known))
-                        .help("settings are in tables by kind of stage, such as [video.smooth]"),
+                        .help("settings are in tables by kind of stage, such as [video.smooth]")
+                        .suggest(did_you_mean(key, known)),
                 );
             }
         }
@@ -89,8 +89,8 @@ impl PartialFile {
             problems.push(
                 Problem::new("unknown-kind", format!("there is no stage kind `{name}`"))
                     .label(entry.key_span, "unknown kind")
-                    .suggest(did_you_mean(name, stages::KINDS.iter().map(|k| k.name)))
-                    .help("`plumbline stages` lists all"),
+                    .help("`plumbline stages` lists all")
+                    .suggest(did_you_mean(name, stages::KINDS.iter().map(|k| k.name))),
             );
             return;
         };

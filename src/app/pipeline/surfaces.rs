@@ -24,7 +24,7 @@ impl FromStr for BackgroundColor {
         let hex = match text.trim() {
             "white" => "ffffff",
             "black" => "000000",
-            "gray" => "808080",
+            "gray" | "grey" => "808080",
             other => other.strip_prefix('#').filter(|h| h.len() == 6 && h.is_ascii()).ok_or_else(wrong)?,
         };
         let part = |i: usize| u8::from_str_radix(&hex[i..i + 2], 16).map_err(|_| wrong());

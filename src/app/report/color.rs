@@ -188,13 +188,13 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_that_is_not_told_is_that_of_the_picture_s_size() {
+    fn an_unspecified_matrix_is_that_of_the_picture_s_size() {
         let rgb =
             |height, matrix| conversion(Layout::Yuv420, 8, height, tagged(matrix, None)).rgb([100.0, 90.0, 200.0]);
         assert_eq!(rgb(719, 2), rgb(719, 6));
         assert_eq!(rgb(720, 2), rgb(720, 1));
-        let told = [1, 6, 7, 9].map(|matrix| rgb(360, matrix));
-        assert!((0..4).all(|i| !told[..i].contains(&told[i])), "each matrix that is told is its own: {told:?}");
+        let given = [1, 6, 7, 9].map(|matrix| rgb(360, matrix));
+        assert!((0..4).all(|i| !given[..i].contains(&given[i])), "each given matrix differs: {given:?}");
     }
 
     #[test]

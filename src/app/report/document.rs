@@ -23,6 +23,9 @@ impl ReportFormat {
     /// # Errors
     /// Another extension; the message names both.
     pub fn of(path: &str) -> Result<Self, String> {
+        if path == "-" {
+            return Err("a report cannot be written to standard output; give it a file, such as report.html".to_owned());
+        }
         let extension = path.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase());
         match extension.as_deref() {
             Some("html" | "htm") => Ok(Self::Html),

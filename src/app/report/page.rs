@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_is_well_formed_whatever_it_tells() {
+    fn a_page_is_well_formed_whatever_it_contains() {
         well_formed(&page(&full()));
         well_formed(&page(&Report::default()));
         assert!(!STYLE.contains(['<', '&']), "a style sheet that XML can hold");
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_is_named_after_the_file_and_tells_its_size_as_shown() {
+    fn a_page_is_named_after_the_file_and_has_its_size_as_shown() {
         let page = |name: &str, rotation| {
             let clip = Clip { name: name.to_owned(), size: (640, 360), rotation, fps: None };
             page(&Report { clip, times_s: vec![0.0, 0.5], ..Report::default() })

@@ -17,7 +17,7 @@ use shown::Shown;
 
 use super::clip::encoding;
 use super::context::Context;
-use crate::pipeline::kind::{Conflict, Stage};
+use crate::pipeline::kind::Stage;
 use crate::pipeline::memory::MemoryCost;
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::{HandedOn, Wired};
@@ -62,12 +62,6 @@ impl Stage for ReportSettings {
             bytes_per_clip_frame: 480.0,
             ..MemoryCost::default()
         }]
-    }
-
-    fn conflicts(&self) -> Vec<Conflict> {
-        let message = || "a report cannot be written to standard output".to_owned();
-        let conflict = || Conflict { key: "path", message: message(), help: "give it a file, such as report.html" };
-        (self.path == "-").then(conflict).into_iter().collect()
     }
 
     fn writes(&self) -> Vec<String> {

@@ -33,8 +33,8 @@ const KNOWN: &str = "rectilinear, equidistant, equisolid, stereographic, orthogr
 /// | `panini` | `d` |
 ///
 /// A file without `version` is read as the plain form that scripts around OpenCV write: `model`, `fx fy cx cy`, `k`, `width`,
-/// `height`, further keys ignored, and **pixel centers at integers** unless `pixel_centre` says otherwise. With `version`,
-/// unknown keys are refused and the centers are at integer + 0.5 unless `pixel_centre` says otherwise.
+/// `height`, further keys ignored, and **pixel centers at integers** unless `pixel_center` says otherwise. With `version`,
+/// unknown keys are refused and the centers are at integer + 0.5 unless `pixel_center` says otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -48,8 +48,8 @@ pub struct LensFile {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// Coordinate of the center of the first pixel: 0.5 (the picture is [0, W] × [0, H]) or 0 (as in OpenCV).
-    #[serde(default = "half")]
-    pub pixel_centre: f64,
+    #[serde(default = "half", alias = "pixel_centre")]
+    pub pixel_center: f64,
     /// Width of the picture, px.
     pub width: f64,
     /// Height of the picture, px.
@@ -154,7 +154,7 @@ impl LensFile {
             format: format(),
             version: 1,
             name: name.to_owned(),
-            pixel_centre: 0.5,
+            pixel_center: 0.5,
             width: lens.size.0,
             height: lens.size.1,
             fx: lens.focal.x,
@@ -208,10 +208,10 @@ impl LensFile {
     /// [`ProfileError`] with the key.
     pub fn profile(&self) -> Result<Profile, ProfileError> {
         let projection = self.projection()?;
-        if !(self.pixel_centre == 0.0 || self.pixel_centre == 0.5) {
-            return Err(ProfileError::value("pixel_centre", self.pixel_centre, "0 or 0.5"));
+        if !(self.pixel_center == 0.0 || self.pixel_center == 0.5) {
+            return Err(ProfileError::value("pixel_center", self.pixel_center, "0 or 0.5"));
         }
-        let shift = 0.5 - self.pixel_centre;
+        let shift = 0.5 - self.pixel_center;
         let pinhole = Pinhole {
             focal: Vec2::new(self.fx, self.fy.unwrap_or(self.fx)),
             center: Point2::new(
@@ -345,7 +345,7 @@ fn plain(root: &At<'_>) -> Result<Profile, ProfileError> {
     let name = root.need("model", "the name of the camera model")?.text().unwrap_or("").to_owned();
     let mut file = LensFile {
         name: root.get("name").and_then(|n| n.text()).unwrap_or("").to_owned(),
-        pixel_centre: number("pixel_centre")?.unwrap_or(0.0),
+        pixel_center: number("pixel_center")?.or(number("pixel_centre")?).unwrap_or(0.0),
         width: root.need_number("width")?,
         height: root.need_number("height")?,
         fx: root.need_number("fx")?,

@@ -5,7 +5,7 @@
 //!
 //! | format | centers in the file | note |
 //! | --- | --- | --- |
-//! | lens JSON (ours) | as `pixel_centre` says: 0.5 unless given | documented at [`LensFile`] |
+//! | lens JSON (ours) | as `pixel_center` says: 0.5 unless given | documented at [`LensFile`] |
 //! | the same without `version` | 0 | what calibration scripts around OpenCV write |
 //! | OpenCV, ROS | 0 | fisheye or standard told by a key, else by the names: see `opencv.rs` |
 //! | Kalibr camchain and single-camera YAML | 0 | |

@@ -452,7 +452,7 @@ fn our_own_file_refuses_unknown_keys() {
             "has `lambda` = a parameter (expected only parameters of kannala-brandt: k)",
         ),
         ("\"k\": [", "\"k\": [1,2,", "has `k` = 6 numbers (expected at most 4)"),
-        ("\"fx\": 437", "\"pixel_centre\": 1, \"fx\": 437", "has `pixel_centre` = 1"),
+        ("\"fx\": 437", "\"pixel_center\": 1, \"fx\": 437", "has `pixel_center` = 1"),
     ] {
         let error = refused(&OWN.replace(from, to));
         assert!(error.contains(says), "{says:?} not in {error:?}");

@@ -173,7 +173,7 @@ impl Kind {
 }
 
 /// By how many px positions are moved so that pixel centers are at integer + 0.5, as everywhere inside: from the
-/// `pixel_centre` of a file, 0.5 or 0. `None` for any other.
+/// `pixel_center` of a file, 0.5 or 0. `None` for any other.
 pub fn pixel_center_shift(pixel_center: f64) -> Option<f64> {
     (pixel_center == 0.5 || pixel_center == 0.0).then_some(0.5 - pixel_center)
 }

@@ -10,7 +10,7 @@ pub enum MarksError {
     #[error(transparent)]
     Document(#[from] DocumentError),
     /// Pixel centers that are neither at the corner nor in the middle.
-    #[error("pixel_centre is {found} (expected 0.5 or 0)")]
+    #[error("pixel_center is {found} (expected 0.5 or 0)")]
     PixelCenter {
         /// The value found.
         found: f64,

@@ -43,8 +43,8 @@ struct Document {
     /// Always 1.
     version: u32,
     /// Where the center of the first pixel lies: 0.5, or 0.
-    #[serde(default = "half")]
-    pixel_centre: f64,
+    #[serde(default = "half", alias = "pixel_centre")]
+    pixel_center: f64,
     /// The picture that was marked.
     source: Source,
     /// The lines.
@@ -136,7 +136,7 @@ impl LinesFile {
         let lines = match parse::<Document, BareEntry>(&KIND, text)? {
             Parsed::Document(document) => {
                 check_size(document.source, size)?;
-                let found = document.pixel_centre;
+                let found = document.pixel_center;
                 let by = pixel_center_shift(found).ok_or(MarksError::PixelCenter { found })?;
                 let entries = document.lines.into_iter();
                 entries.enumerate().map(|(i, e)| marked(i, e.name, &e.points, e.orientation, e.off, by)).collect()
@@ -161,7 +161,7 @@ impl LinesFile {
         let document = Document {
             format: KIND.format.into(),
             version: VERSION,
-            pixel_centre: half(),
+            pixel_center: half(),
             source: Source::of(self.size),
             lines: Vec::new(),
         };

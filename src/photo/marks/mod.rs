@@ -2,7 +2,7 @@
 //!
 //! ```json
 //! {
-//!   "format": "plumbline.lines", "version": 1, "pixel_centre": 0.5,
+//!   "format": "plumbline.lines", "version": 1, "pixel_center": 0.5,
 //!   "source": { "width": 4000, "height": 3000 },
 //!   "lines": [
 //!     { "name": "door", "points": [[812.5, 640], [803.1, 1120.5], [801, 1702]], "orientation": "vertical" },
@@ -25,7 +25,7 @@
 //!
 //! A face is the rectangle from `(x, y)` to `(x + w, y + h)`, edges of pixels being integers.
 //!
-//! Positions are px of the source, pixel centers at integer + 0.5; a file that says `"pixel_centre": 0` is shifted on
+//! Positions are px of the source, pixel centers at integer + 0.5; a file that says `"pixel_center": 0` is shifted on
 //! reading. Unknown keys, other versions, and a source of another size are refused. Bare lists are read as well, as other
 //! programs write them: `[{"id", "points", "orientation": null | "h" | "v" | degrees}, …]` with centers at integers, and
 //! `[{"id", "x", "y", "w", "h"}, …]`.

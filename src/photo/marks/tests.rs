@@ -53,11 +53,12 @@ fn centers_at_integers_are_shifted_and_others_refused() {
     let text = file(r#"{"points": [[0, 0], [10, 20]]}"#);
     let first = |text: &str| LinesFile::parse(text, SIZE).expect("a file").lines[0].line.points[0];
     assert_eq!(first(&text), Point2::new(0.0, 0.0));
-    let with = |center: &str| text.replacen(r#""source""#, &format!(r#""pixel_centre": {center}, "source""#), 1);
-    assert_eq!(first(&with("0")), Point2::new(0.5, 0.5));
-    assert_eq!(first(&with("0.5")), Point2::new(0.0, 0.0));
-    let error = LinesFile::parse(&with("1"), SIZE).expect_err("refused").to_string();
-    assert_eq!(error, "pixel_centre is 1 (expected 0.5 or 0)");
+    let with = |key: &str, center: &str| text.replacen(r#""source""#, &format!(r#""{key}": {center}, "source""#), 1);
+    assert_eq!(first(&with("pixel_center", "0")), Point2::new(0.5, 0.5));
+    assert_eq!(first(&with("pixel_centre", "0")), Point2::new(0.5, 0.5), "as the key was spelled once");
+    assert_eq!(first(&with("pixel_center", "0.5")), Point2::new(0.0, 0.0));
+    let error = LinesFile::parse(&with("pixel_center", "1"), SIZE).expect_err("refused").to_string();
+    assert_eq!(error, "pixel_center is 1 (expected 0.5 or 0)");
 }
 
 #[test]

@@ -19,7 +19,7 @@ impl FromStr for Target {
     fn from_str(text: &str) -> Result<Self, String> {
         let text = text.trim();
         let fixed = match text {
-            "optimized" => return Ok(Self::Optimized),
+            "optimized" | "optimised" => return Ok(Self::Optimized),
             "perspective" => Some(Projection::Rectilinear),
             "stereographic" => Some(Projection::Stereographic),
             "panini" => Some(Projection::Panini(1.0)),

@@ -9,6 +9,7 @@ pub mod operators;
 pub mod repair;
 pub mod shapes;
 mod tri_mesh;
+mod vertex_ref;
 
 pub use error::{MeshError, Position};
 pub use half_edges::HalfEdges;
@@ -17,3 +18,4 @@ pub use io::{MeshFormat, ReadLimits, read_model, write_model};
 pub use model::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, ModelBuilder, NO_VALUE};
 pub use repair::{MeshFacts, RepairOptions, RepairReport, Repaired, Weld, repair};
 pub use tri_mesh::{TriMesh, neighbors_of_vertices};
+pub use vertex_ref::VertexRef;

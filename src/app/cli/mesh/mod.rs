@@ -56,7 +56,7 @@ struct InfoArgs {
     read: ReadArgs,
 }
 
-/// What repair takes for a fault.
+/// Which flaws repair corrects.
 #[derive(Debug, Args)]
 struct FaultArgs {
     /// Join vertices with equal coordinates (exact), none (never), or those within this fraction of the diagonal

@@ -9,6 +9,7 @@ use std::time::Instant;
 use serde_json::{Value as Json, json};
 
 use super::run_error::RunError;
+use crate::report::{ReportFormat, document};
 use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline_media::AtomicFile;
 use plumbline_num::run::Run;
@@ -60,18 +61,20 @@ pub struct SolveJob {
     pub downdate: Option<PathBuf>,
     /// Where the solution goes.
     pub output: Option<PathBuf>,
-    /// Where the report goes, JSON.
+    /// Where the report goes: .html or .json.
     pub report: Option<PathBuf>,
     /// Where the picture of the factors goes, PNG.
     pub picture: Option<PathBuf>,
 }
 
-/// Solves; returns the report.
+/// Solves; returns the report for people.
 ///
 /// # Errors
 /// [`RunError::Input`] where a file is not a matrix or the system has no solution, [`RunError::Usage`] where files or methods
 /// do not fit each other, [`RunError::Output`].
 pub fn solve(job: &SolveJob) -> Result<String, RunError> {
+    let format = job.report.as_ref().map(|path| ReportFormat::of(&path.to_string_lossy()));
+    let format = format.transpose().map_err(RunError::Usage)?;
     let unchanged = read(&job.matrix)?;
     let changes = changes(job, unchanged.columns())?;
     let a = if changes.is_empty() { unchanged.clone() } else { changed(&unchanged, &changes, job)? };
@@ -93,8 +96,9 @@ pub fn solve(job: &SolveJob) -> Result<String, RunError> {
     if let Some(path) = &job.output {
         write(path, |out| out.write_all(write_matrix_market(a.columns(), &solved.x).as_bytes()))?;
     }
-    if let Some(path) = &job.report {
-        write(path, |out| out.write_all(format!("{report:#}\n").as_bytes()))?;
+    if let Some((path, format)) = job.report.as_ref().zip(format) {
+        let text = document(&job.matrix.display().to_string(), &report, format);
+        write(path, |out| out.write_all(text.as_bytes()))?;
     }
     if let Some(path) = &job.picture {
         draw(path, &structures)?;

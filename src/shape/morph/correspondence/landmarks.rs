@@ -11,10 +11,10 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use nalgebra::Point3;
 use serde::Deserialize;
 
 use crate::mesh::TriMesh;
+pub use crate::mesh::VertexRef;
 use crate::morph::MorphError;
 use plumbline_num::document::Kind;
 
@@ -28,17 +28,6 @@ fn malformed(fault: String) -> MorphError {
 /// Pairs of corresponding vertices of two meshes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Landmarks(Vec<(VertexRef, VertexRef)>);
-
-/// A vertex by its index, from 0 in the order of the file, or the vertex nearest to a position.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(untagged, expecting = "the index of a vertex, or a position [x, y, z]")]
-pub enum VertexRef {
-    /// Index of a vertex.
-    Vertex(u64),
-    /// The vertex nearest to a position.
-    Nearest([f64; 3]),
-}
 
 /// Pairs of corresponding vertices of two meshes.
 #[derive(Deserialize)]
@@ -146,19 +135,13 @@ impl VertexRef {
             Self::Vertex(vertex) => {
                 Err(MorphError::NoSuchVertex { context: context.to_owned(), which, vertex, vertices })
             }
-            Self::Nearest(p) if p.iter().all(|c| c.is_finite()) && vertices > 0 => Ok(nearest(mesh, &Point3::from(p))),
-            Self::Nearest(p) => Err(MorphError::Value {
+            Self::Nearest(p) => self.find(mesh).ok_or_else(|| MorphError::Value {
                 what: format!("{context}: the position on the {which} mesh"),
                 value: format!("{p:?}"),
                 expected: "three finite numbers, and a mesh with vertices".to_owned(),
             }),
         }
     }
-}
-
-fn nearest(mesh: &TriMesh, point: &Point3<f64>) -> u32 {
-    let distance = |v: &usize| (mesh.positions()[*v] - point).norm_squared();
-    (0..mesh.vertex_count()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0) as u32
 }
 
 /// The pairs after a line, up to the first other line.

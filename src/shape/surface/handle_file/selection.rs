@@ -7,17 +7,20 @@ use serde::Deserialize;
 
 use super::HandleFileError;
 use super::document::rejected;
+use crate::mesh::VertexRef;
 
 /// Vertices: the name of a set, or a description.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(
     untagged,
-    expecting = "the name of a set, or one of {\"indices\": …}, {\"range\": …}, {\"box\": …}, {\"sphere\": …}, {\"half_space\": …}, {\"nearest\": …}, {\"union\": …}, {\"intersection\": …}, {\"not\": …}"
+    expecting = "the name of a set, a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\": …}, {\"range\": …}, {\"box\": …}, {\"sphere\": …}, {\"half_space\": …}, {\"nearest\": …}, {\"union\": …}, {\"intersection\": …}, {\"not\": …}"
 )]
 pub(super) enum Selection {
     /// The name of a set.
     Named(String),
+    /// Vertices by index or position, in order.
+    Listed(Vec<VertexRef>),
     /// A description.
     Described(Box<Description>),
 }
@@ -85,6 +88,7 @@ impl Selection {
     pub(super) fn has_order(&self) -> bool {
         match self {
             Self::Named(_) => false,
+            Self::Listed(_) => true,
             Self::Described(d) => matches!(**d, Description::Indices(_) | Description::Nearest(_)),
         }
     }
@@ -113,6 +117,9 @@ impl<'a> Selector<'a> {
 
     /// The vertices of a selection in the order of the file, where it has one; else ascending.
     pub(super) fn listed(&self, selection: &Selection, context: &str) -> Result<Vec<u32>, HandleFileError> {
+        if let Selection::Listed(vertices) = selection {
+            return vertices.iter().map(|v| self.referenced(v, context)).collect();
+        }
         if let Selection::Described(description) = selection {
             match &**description {
                 Description::Indices(numbers) => {
@@ -139,6 +146,7 @@ impl<'a> Selector<'a> {
     ) -> Result<Vec<bool>, HandleFileError> {
         match selection {
             Selection::Named(name) => self.named(name, context, within),
+            Selection::Listed(vertices) => self.mask_of(vertices.iter().map(|v| self.referenced(v, context))),
             Selection::Described(description) => self.described(description, context, within),
         }
     }
@@ -231,6 +239,15 @@ impl<'a> Selector<'a> {
             mask[vertex? as usize] = true;
         }
         Ok(mask)
+    }
+
+    fn referenced(&self, reference: &VertexRef, context: &str) -> Result<u32, HandleFileError> {
+        match reference {
+            VertexRef::Vertex(index) => self.vertex(*index, context),
+            VertexRef::Nearest(position) => reference
+                .find_in(self.positions)
+                .ok_or_else(|| rejected(context, "position", format!("{position:?}"), "three finite numbers")),
+        }
     }
 
     fn vertex(&self, vertex: u64, context: &str) -> Result<u32, HandleFileError> {

@@ -99,6 +99,20 @@ fn keys_are_met_exactly_and_smooth_motion_rests_at_them() {
 }
 
 #[test]
+fn vertices_are_listed_by_index_and_by_position_as_in_every_other_file() {
+    let corner = cube()[2];
+    let body = format!(
+        "\"handles\": [{{\"vertices\": [5, [{}, {}, {}], {{\"vertex\": 7}}], \"weight\": 3}}]",
+        corner.x, corner.y, corner.z
+    );
+    assert_eq!(handles(&body).expect("good").handles[0].vertices, [2, 5, 7]);
+    let refused =
+        |vertices: &str| handles(&format!("\"handles\": [{{\"vertices\": {vertices}}}]")).expect_err("refused");
+    assert!(refused("[99]").to_string().contains("99"));
+    assert!(refused("[\"a\"]").to_string().contains("a list of vertices"), "{}", refused("[\"a\"]"));
+}
+
+#[test]
 fn places_go_to_the_vertices_in_the_order_in_which_they_were_named() {
     let body =
         "\"handles\": [{\"vertices\": {\"indices\": [5, 2]}, \"positions\": [[5, 5, 5], [2, 2, 2]], \"weight\": 3}]";

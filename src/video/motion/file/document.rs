@@ -101,7 +101,7 @@ pub(super) struct Document {
     /// Always 1.
     version: u32,
     /// Coordinate of the center of the first pixel: 0.5, or 0.
-    pub(super) pixel_centre: f64,
+    pub(super) pixel_center: f64,
     /// The video measured.
     pub(super) source: Source,
     /// Time from the first row's capture to the last row's, s.
@@ -147,13 +147,15 @@ impl<'de> Visitor<'de> for Blocks {
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Document, A::Error> {
         let (mut document, mut seen) = (Document::default(), Vec::new());
         while let Some(key) = map.next_key::<String>()? {
+            // Files of earlier programs spell this key otherwise.
+            let key = if key == "pixel_centre" { "pixel_center".to_owned() } else { key };
             if seen.contains(&key) {
                 return Err(A::Error::custom(format!("the block {key:?} occurs twice")));
             }
             match key.as_str() {
                 "format" => document.format = map.next_value()?,
                 "version" => document.version = map.next_value()?,
-                "pixel_centre" => document.pixel_centre = map.next_value()?,
+                "pixel_center" => document.pixel_center = map.next_value()?,
                 "source" => document.source = map.next_value()?,
                 "readout_s" => document.readout_s = map.next_value()?,
                 "frames" => document.frames = map.next_value()?,
@@ -163,16 +165,16 @@ impl<'de> Visitor<'de> for Blocks {
                 "points" => document.in_space.points = map.next_value()?,
                 "reconstruction" => document.in_space.reconstruction = map.next_value()?,
                 "tracks" => {
-                    require(&seen, &["pixel_centre", "source", "frames"], "must come before the tracks")?;
+                    require(&seen, &["pixel_center", "source", "frames"], "must come before the tracks")?;
                     let times = document.frames.iter().map(|f| Timestamp(f.pts)).collect();
                     let size = (document.source.width, document.source.height);
-                    document.tracks = map.next_value_seed(TracksSeed::new(times, size, 0.5 - document.pixel_centre))?;
+                    document.tracks = map.next_value_seed(TracksSeed::new(times, size, 0.5 - document.pixel_center))?;
                 }
                 _ => drop(document.other_blocks.insert(key.clone(), map.next_value()?)),
             }
             seen.push(key);
         }
-        require(&seen, &["pixel_centre", "source", "frames"], "is missing")?;
+        require(&seen, &["pixel_center", "source", "frames"], "is missing")?;
         Ok(document)
     }
 }
@@ -186,8 +188,8 @@ impl Document {
     /// Refuses invalid values.
     pub(super) fn check(&self) -> Result<(), MotionFileError> {
         self.source.check()?;
-        if pixel_center_shift(self.pixel_centre).is_none() {
-            return Err(value("pixel_centre", self.pixel_centre, "0.5, or 0"));
+        if pixel_center_shift(self.pixel_center).is_none() {
+            return Err(value("pixel_center", self.pixel_center, "0.5, or 0"));
         }
         if let Some(r) = self.readout_s
             && !(r.abs() <= MAX_READOUT_S)
@@ -236,7 +238,7 @@ impl Document {
 
     /// The clip, and its points.
     pub(super) fn into_clip(self) -> Result<(ClipMotion, Option<TrackStore>), MotionFileError> {
-        let shift = 0.5 - self.pixel_centre;
+        let shift = 0.5 - self.pixel_center;
         let mut frames: Vec<FrameMotion> = Vec::with_capacity(self.frames.len());
         for (k, entry) in self.frames.iter().enumerate() {
             let cut = k == 0 || self.frames[k - 1].shot != entry.shot;

@@ -5,7 +5,7 @@
 //!
 //! ```json
 //! {
-//!   "format": "plumbline.motion", "version": 1, "pixel_centre": 0.5,
+//!   "format": "plumbline.motion", "version": 1, "pixel_center": 0.5,
 //!   "source": { "width": 640, "height": 360, "shown_width": 640, "shown_height": 360,
 //!               "rotation": 0, "pixel_aspect": [1, 1], "time_base": [1, 30000] },
 //!   "readout_s": 0.02,
@@ -19,7 +19,7 @@
 //! `planar_similarity[k]` is the nearest motion `[a, b, tx, ty]` without shear and perspective; left out, it is derived.
 //! Where cameras in space are known there are further blocks, see `cameras.rs`: `cameras`, `points`, `reconstruction`. The tracked
 //! points are in a block `tracks`, see `tracks.rs`.
-//! Pixel centers are at integer + 0.5; a file with `"pixel_centre": 0` is shifted on reading. Blocks of other names are kept,
+//! Pixel centers are at integer + 0.5; a file with `"pixel_center": 0` is shifted on reading. Blocks of other names are kept,
 //! other versions are refused.
 
 mod cameras;
@@ -221,7 +221,7 @@ impl ClipMotion {
         };
         let source = serde_json::to_string(&source).map_err(MotionFileError::Syntax)?;
         let readout = serde_json::to_string(&self.readout_s).map_err(MotionFileError::Syntax)?;
-        write!(out, "{{\n\"format\": {FORMAT:?}, \"version\": {VERSION}, \"pixel_centre\": 0.5,\n")?;
+        write!(out, "{{\n\"format\": {FORMAT:?}, \"version\": {VERSION}, \"pixel_center\": 0.5,\n")?;
         Ok(write!(out, "\"source\": {source},\n\"readout_s\": {readout}")?)
     }
 
