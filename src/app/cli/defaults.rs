@@ -60,7 +60,7 @@ impl Defaults {
             let Some(words) = self.file.default_of(kind, key) else { continue };
             for id in group.get_args() {
                 let default = |arg: Arg| arg.required(false).default_values(words.clone());
-                command = command.mut_arg(id.as_str().to_owned(), default);
+                command = command.mut_arg(id.as_str(), default);
             }
         }
         command

@@ -238,7 +238,8 @@ fn grouped(command: &Command) -> String {
     let width = command.get_subcommands().map(|c| c.get_name().len()).max().unwrap_or_default();
     let mut text = String::new();
     for (group, names) in GROUPS {
-        text += &format!("{}:\n", heading(command, group));
+        // Writing to a string does not fail, here and below.
+        let _ = writeln!(text, "{}:", heading(command, group));
         for sub in names.iter().filter_map(|name| command.find_subcommand(name)) {
             let about = sub.get_about().map(ToString::to_string).unwrap_or_default();
             // Writing to a string does not fail.
@@ -254,9 +255,9 @@ fn grouped(command: &Command) -> String {
 fn with_footers(command: Command, path: &str) -> Command {
     let mut text = format!("{}:\n{EXIT_CODES}", heading(&command, "Exit codes"));
     if let Some(examples) = examples_of(path) {
-        text += &format!("\n{}:\n", heading(&command, "Examples"));
+        let _ = writeln!(text, "\n{}:", heading(&command, "Examples"));
         for example in examples {
-            text += &format!("  {example}\n");
+            let _ = writeln!(text, "  {example}");
         }
     }
     let below = |sub: Command| {

@@ -1,5 +1,6 @@
 //! `plumbline run`: executes a pipeline; every command that computes something ends here.
 
+use std::fmt::Write as _;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -88,22 +89,23 @@ fn print_report(report: &Report, verbosity: Verbosity, shown: bool) {
         match verbosity {
             Verbosity::Quiet => {}
             Verbosity::Normal => text += &summary.brief(),
-            Verbosity::Detailed if many => text += &format!("{key}\n{summary}"),
+            Verbosity::Detailed if many => text.extend([key, "\n", &summary.to_string()]),
             Verbosity::Detailed => text += &summary.to_string(),
         }
     }
     let failures: Vec<_> = report.failures().collect();
     if !shown {
         for (key, error) in &failures {
-            text += &format!("{}\n", error_line(key, &error.to_string(), many));
+            text.extend([&error_line(key, &error.to_string(), many), "\n"]);
         }
     }
     if many && !failures.is_empty() {
-        text += &format!("{} of {} items failed\n", failures.len(), report.items.len());
+        // Writing to a string does not fail, here and below.
+        let _ = writeln!(text, "{} of {} items failed", failures.len(), report.items.len());
     }
     let skipped: Vec<&str> = report.skipped().collect();
     if !skipped.is_empty() {
-        text += &format!("not started: {}\n", skipped.join(", "));
+        let _ = writeln!(text, "not started: {}", skipped.join(", "));
     }
     // A closed standard error leaves nothing to print to.
     let _ = std::io::stderr().lock().write_all(text.as_bytes());

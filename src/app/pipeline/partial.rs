@@ -45,14 +45,14 @@ impl PartialFile {
         };
         let mut file = Self { sources, ..Self::default() };
         for entry in root {
-            file.add(entry, &mut problems);
+            file.add(&entry, &mut problems);
         }
         file.check(&mut problems);
         if problems.is_empty() { Ok(file) } else { Err(Problems::new(problems, file.sources)) }
     }
 
     /// Sorts in one entry of the top level.
-    fn add(&mut self, entry: Entry, problems: &mut Vec<Problem>) {
+    fn add(&mut self, entry: &Entry, problems: &mut Vec<Problem>) {
         match (entry.key.as_str(), &entry.node.value) {
             ("version", Value::Integer(VERSION)) | ("name", Value::Text(_)) => {}
             ("run", Value::Table(table)) => self.run.extend(table.iter().cloned()),
