@@ -46,3 +46,4 @@ mod support;
 mod surface;
 mod track;
 mod warp;
+mod words;

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates that the façade re-exports as libraries, and the façade.
-const LIBRARIES: [&str; 8] = ["num", "image", "camera", "media", "photo", "video", "shape", FACADE];
+pub(crate) const LIBRARIES: [&str; 8] = ["num", "image", "camera", "media", "photo", "video", "shape", FACADE];
 const FACADE: &str = "plumbline";
 
 /// Type names that more than one crate has. Each is a word of two fields and always used with its module; a new one needs a reason
@@ -80,7 +80,7 @@ fn public_items(source: &str) -> Vec<String> {
 }
 
 /// Public items of a crate: `module` lines followed by their items.
-fn surface(krate: &str) -> Vec<(String, Vec<String>)> {
+pub(crate) fn surface(krate: &str) -> Vec<(String, Vec<String>)> {
     let folder = root().join("src").join(if krate == FACADE { "" } else { krate });
     let mut files = Vec::new();
     if krate == FACADE {
