@@ -104,8 +104,8 @@ fn every_kind() -> Vec<PathOptions> {
     let mut all = Vec::new();
     for kind in KINDS {
         for zoom in [Zoom::Fixed, Zoom::Adaptive] {
-            for min_crop in [0.75, 0.95] {
-                all.push(PathOptions { kind, zoom, min_crop, ..PathOptions::default() });
+            for keep in [0.75, 0.95] {
+                all.push(PathOptions { kind, zoom, keep, ..PathOptions::default() });
             }
         }
     }
@@ -123,7 +123,7 @@ fn the_crop_window_is_inside_every_frame() {
                     let inside = (-1e-9..=640.0 + 1e-9).contains(&p.x) && (-1e-9..=360.0 + 1e-9).contains(&p.y);
                     assert!(inside, "{options:?}: frame {t} shows source point {p}");
                 }
-                assert!(path.crop[t] >= options.min_crop - 1e-4, "{options:?}: crop {} at frame {t}", path.crop[t]);
+                assert!(path.crop[t] >= options.keep - 1e-4, "{options:?}: crop {} at frame {t}", path.crop[t]);
             }
         }
     }
@@ -257,7 +257,7 @@ fn a_tripod_shows_no_motion_while_the_frame_allows_it() {
 #[test]
 fn on_a_line_the_viewer_moves_evenly_and_on_a_parabola_evenly_faster() {
     let views = walk(200, 0.7, 10);
-    let options = |kind| PathOptions { kind, min_crop: 0.6, ..PathOptions::default() };
+    let options = |kind| PathOptions { kind, keep: 0.6, ..PathOptions::default() };
     let (line, parabola) = (PathKind::Linear, PathKind::Parabolic);
     let [line, parabola] = [line, parabola].map(|kind| seen(&plan_of(&views, &options(kind)), &views));
     let change = |path: &[Vec2]| path.windows(2).map(|p| p[1] - p[0]).collect::<Vec<Vec2>>();
@@ -273,7 +273,7 @@ fn under_a_locked_horizon_the_picture_does_not_rotate_while_the_frame_allows_it(
     let views: Vec<View> =
         walk(200, 1.0, 14).iter().enumerate().map(|(t, v)| View { x: v.x - 25.0 * t as f64 / FPS, ..*v }).collect();
     for kind in KINDS {
-        let path = plan_of(&views, &PathOptions { kind, level: true, min_crop: 0.6, ..PathOptions::default() });
+        let path = plan_of(&views, &PathOptions { kind, horizon_lock: true, keep: 0.6, ..PathOptions::default() });
         assert_eq!(path.segments[0].outcome, SegmentOutcome::Smoothed, "{kind:?}: {}", path.segments[0].reason);
         let angle = |t: usize| {
             let from = views[t].frame_from_scene(SIZE).inverse().expect("scale > 0");
@@ -294,7 +294,7 @@ fn under_a_locked_horizon_the_picture_does_not_rotate_while_the_frame_allows_it(
 fn a_horizon_that_the_frame_cannot_level_is_leveled_as_far_as_it_goes() {
     let steep: Vec<View> = walk(150, 1.0, 4).into_iter().map(|v| View { angle: 20.0 * v.angle, ..v }).collect();
     for kind in KINDS {
-        let path = plan_of(&steep, &PathOptions { kind, level: true, ..PathOptions::default() });
+        let path = plan_of(&steep, &PathOptions { kind, horizon_lock: true, ..PathOptions::default() });
         for t in 0..steep.len() {
             assert!(path.crop[t] >= 0.8 - 1e-6, "{kind:?}: a window of {}", path.crop[t]);
             for p in window(&path, t, SIZE) {
@@ -316,7 +316,7 @@ fn no_window_is_smaller_than_allowed_however_the_camera_rotates_and_zooms() {
     for (views, kind) in
         [drifting(2.0, 0.9, 0.6), drifting(0.3, 0.0, 0.24)].iter().flat_map(|views| KINDS.map(|kind| (views, kind)))
     {
-        let path = plan_of(views, &PathOptions { kind, min_crop: 0.8, ..PathOptions::default() });
+        let path = plan_of(views, &PathOptions { kind, keep: 0.8, ..PathOptions::default() });
         assert_eq!(path.segments[0].outcome, SegmentOutcome::Smoothed, "{kind:?}: {}", path.segments[0].reason);
         let least = path.crop.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(least >= 0.8 - 1e-6, "{kind:?}: a window of {least}");
@@ -376,7 +376,7 @@ fn invalid_requests_say_what_is_allowed() {
     let message = |clip: &Clip<'_>, o: PathOptions| plan(clip, &o, &Run::default()).expect_err("invalid").to_string();
     let d = PathOptions::default();
     let cases = [
-        (message(&clip, PathOptions { min_crop: f64::NAN, ..d }), "min-crop NaN is invalid (expected 0.3 to 1)"),
+        (message(&clip, PathOptions { keep: f64::NAN, ..d }), "keep NaN is invalid (expected 0.3 to 1)"),
         (message(&clip, PathOptions { smoothness_s: 60.0, ..d }), "smoothness 60 is invalid (expected 0.05 to 30)"),
         (message(&Clip { height: 0, ..clip }, d), "frame size 640x0 is invalid (expected at least 1x1)"),
         (
@@ -408,8 +408,7 @@ fn a_sideways_shake_gets_the_path_of_the_independent_bounded_least_squares_refer
     ];
     let x = |t: f64| 45.0 * (0.21 * t).sin() + 12.0 * (1.3 * t).sin() + 2.0 * t;
     let views: Vec<View> = (0..120).map(|t| View { x: x(f64::from(t)), y: 0.0, angle: 0.0, zoom: 0.0 }).collect();
-    let options =
-        PathOptions { min_crop: 0.9, zoom: Zoom::None, border_allows_outside: true, ..PathOptions::default() };
+    let options = PathOptions { keep: 0.9, zoom: Zoom::None, border_allows_outside: true, ..PathOptions::default() };
     let path = plan_of(&views, &options);
     for (t, p) in expected {
         let got = source_of(&path, t, Point2::new(320.0, 180.0)).x - 320.0;

@@ -78,7 +78,8 @@ fn help_texts(mut command: clap::Command, path: &str, texts: &mut Vec<(String, S
 fn stage_texts() -> Vec<(String, String)> {
     let print = |args: &[&str]| (args.join(" "), out(&plumbline_in(Path::new("."), args)));
     let list = print(&["stages"]);
-    let kinds: Vec<_> = list.1.lines().filter_map(|l| l.split_whitespace().next()).filter(|w| w.contains('.')).collect();
+    let kinds: Vec<_> =
+        list.1.lines().filter_map(|l| l.split_whitespace().next()).filter(|w| w.contains('.')).collect();
     let each: Vec<_> = kinds.iter().map(|kind| print(&["stages", kind])).collect();
     each.into_iter().chain([list.clone()]).collect()
 }
@@ -89,7 +90,8 @@ fn public_names_are_the_words_of_the_field() {
     for krate in LIBRARIES {
         for (file, items) in surface(krate) {
             for item in items {
-                faults.extend(found(&item).iter().map(|(old, new)| format!("{krate}/{file}: `{item}`: {old} -> {new}")));
+                faults
+                    .extend(found(&item).iter().map(|(old, new)| format!("{krate}/{file}: `{item}`: {old} -> {new}")));
             }
         }
     }

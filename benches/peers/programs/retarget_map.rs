@@ -104,8 +104,8 @@ pub(super) fn main() -> Result<(), Failure> {
     let standard = RetargetOptions::default();
     let options = RetargetOptions {
         cells: value("cells", standard.cells as f64)? as usize,
-        least_scale: value("least", standard.least_scale)?,
-        most_scale: value("most", standard.most_scale)?,
+        min_scale: value("least", standard.min_scale)?,
+        max_scale: value("most", standard.max_scale)?,
         bending: value("bending", standard.bending)?,
         contrast: value("contrast", standard.contrast)?,
         face_weight: value("face", standard.face_weight)?,

@@ -48,10 +48,10 @@ pub struct RetargetOptions {
     pub cells: usize,
     /// Minimum scale of a cell relative to the plain resize, above 0, below 1, default 0.3. At 0.1 unimportant strips
     /// almost vanish and their texture shows it; at 0.8 the result hardly differs from the plain resize.
-    pub least_scale: f64,
+    pub min_scale: f64,
     /// Scale above which cells resist stretching, relative to the larger scale of the plain resize, 1 to 1000, default
     /// 2. At 1.1 skies hardly stretch; at 3 they become streaks.
-    pub most_scale: f64,
+    pub max_scale: f64,
     /// Bending stiffness of grid lines relative to a cell of full importance, at least 0, default 0.3. At 0 the
     /// surroundings of important objects bulge; from 10 on rows and columns stay straight.
     pub bending: f64,
@@ -75,8 +75,8 @@ impl Default for RetargetOptions {
     fn default() -> Self {
         Self {
             cells: 1200,
-            least_scale: 0.3,
-            most_scale: 2.0,
+            min_scale: 0.3,
+            max_scale: 2.0,
             bending: 0.3,
             contrast: 1.0,
             face_weight: 10.0,
@@ -90,8 +90,8 @@ impl RetargetOptions {
     fn check(&self) -> Result<(), OptionError> {
         let check = OptionError::check;
         check((64..=10_000).contains(&self.cells), "cells", self.cells as f64, "64 to 10000")?;
-        check(self.least_scale > 0.0 && self.least_scale < 1.0, "least_scale", self.least_scale, "above 0, below 1")?;
-        check(self.most_scale >= 1.0 && self.most_scale <= 1e3, "most_scale", self.most_scale, "1 to 1000")?;
+        check(self.min_scale > 0.0 && self.min_scale < 1.0, "min_scale", self.min_scale, "above 0, below 1")?;
+        check(self.max_scale >= 1.0 && self.max_scale <= 1e3, "max_scale", self.max_scale, "1 to 1000")?;
         check(self.bending >= 0.0 && self.bending <= 1e6, "bending", self.bending, "0 to 1000000")?;
         check(self.contrast > 0.0 && self.contrast <= 8.0, "contrast", self.contrast, "above 0, at most 8")?;
         check(self.face_weight >= 1.0 && self.face_weight <= 1e6, "face_weight", self.face_weight, "1 to 1000000")?;
@@ -241,7 +241,7 @@ impl Retargeter {
         let constrained = lines.iter().enumerate().filter(|(i, _)| !released.contains(i));
         let straight =
             constrained.filter_map(|(_, line)| Straight::new(virtual_points(line, &grid), line.orientation)).collect();
-        let RetargetOptions { bending, least_scale: least, most_scale: most, .. } = self.options;
+        let RetargetOptions { bending, min_scale: least, max_scale: most, .. } = self.options;
         let settings = Settings { bending, least, most, max_iterations: MAX_ITERATIONS, tolerance: TOLERANCE };
         let energy = ScaleAndStretch::new(grid, weights.clone(), straight, settings)?;
         Ok(Prepared { window, grid, weights, lines, energy, released })
@@ -309,7 +309,7 @@ impl Prepared {
     ) -> Result<(GridMesh, Descent), RetargetError> {
         let plain = plain_resize(&self.grid, size);
         let similar = (size.0 * self.grid.height - size.1 * self.grid.width).abs() < 1e-12 * size.0 * self.grid.height;
-        let bounds = Bounds { least: options.least_scale, most: INITIAL_STRETCH * options.most_scale };
+        let bounds = Bounds { least: options.min_scale, most: INITIAL_STRETCH * options.max_scale };
         let mut mesh = if similar { plain } else { axis_aligned(&self.grid, &self.weights, size, bounds, run)? };
         if !options.refine {
             return Ok((mesh, Descent { energies: Vec::new(), converged: true }));

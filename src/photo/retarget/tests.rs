@@ -237,8 +237,8 @@ fn what_cannot_be_used_is_refused_with_the_reason() {
     );
     let nan = line("eaves", (f64::NAN, 0.0), (1.0, 1.0), Orientation::Free);
     assert_eq!(ask(SOURCE, (5, 5), &[nan], &plain), "line \"eaves\" has a point that is not finite; mark it again");
-    let options = RetargetOptions { least_scale: 1.0, ..plain };
-    assert_eq!(ask(SOURCE, (5, 5), &[], &options), "least_scale 1 is invalid (expected above 0, below 1)");
+    let options = RetargetOptions { min_scale: 1.0, ..plain };
+    assert_eq!(ask(SOURCE, (5, 5), &[], &options), "min_scale 1 is invalid (expected above 0, below 1)");
     let options = RetargetOptions { crop_below: f64::NAN, ..plain };
     assert_eq!(ask(SOURCE, (5, 5), &[], &options), "crop_below NaN is invalid (expected 0 to 1)");
 }

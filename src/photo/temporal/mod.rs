@@ -51,7 +51,7 @@ pub struct ClipRetargetOptions {
     /// 0.8. Higher than for still pictures: objects that move through columns of different width visibly change theirs.
     pub crop_below: f64,
     /// Minimum scale of a row or column relative to the plain resize, above 0, below 1, default 0.5.
-    pub least_scale: f64,
+    pub min_scale: f64,
     /// Standard deviation of the temporal smoothing of importance, s, above 0 up to 60, default 0.4. Larger is calmer
     /// and reacts later.
     pub follow_s: f64,
@@ -63,7 +63,7 @@ const MAX_SCALE: f64 = 2.0;
 
 impl Default for ClipRetargetOptions {
     fn default() -> Self {
-        Self { crop_below: 0.8, least_scale: 0.5, follow_s: 0.4 }
+        Self { crop_below: 0.8, min_scale: 0.5, follow_s: 0.4 }
     }
 }
 
@@ -71,7 +71,7 @@ impl ClipRetargetOptions {
     fn check(&self) -> Result<(), OptionError> {
         let check = OptionError::check;
         check(self.crop_below >= 0.0 && self.crop_below <= 1.0, "crop_below", self.crop_below, "0 to 1")?;
-        check(self.least_scale > 0.0 && self.least_scale < 1.0, "least_scale", self.least_scale, "above 0, below 1")?;
+        check(self.min_scale > 0.0 && self.min_scale < 1.0, "min_scale", self.min_scale, "above 0, below 1")?;
         check(self.follow_s > 0.0 && self.follow_s <= 60.0, "follow_s", self.follow_s, "above 0 up to 60")
     }
 }
@@ -227,7 +227,7 @@ impl Shape {
         let starts = self.window_path(&followed, run)?;
         let grid = self.grid();
         let scale = (self.out.0 / grid.width, self.out.1 / grid.height);
-        let bounds = Bounds { least: options.least_scale, most: MAX_SCALE };
+        let bounds = Bounds { least: options.min_scale, most: MAX_SCALE };
         let solve = |(moment, start): (usize, &f64)| {
             let mut weights = followed.moments[moment].cell_means(&self.window(*start), grid.cols, grid.rows);
             for w in &mut weights {

@@ -178,7 +178,7 @@ fn impossible_sizes_and_options_are_refused() {
     let options = ClipRetargetOptions::default();
     assert!(refused((0, 5), options).contains("target size 0×5"));
     assert!(refused(TALL, ClipRetargetOptions { crop_below: f64::NAN, ..options }).contains("crop_below NaN"));
-    assert!(refused(TALL, ClipRetargetOptions { least_scale: 1.0, ..options }).contains("least_scale 1"));
+    assert!(refused(TALL, ClipRetargetOptions { min_scale: 1.0, ..options }).contains("min_scale 1"));
     assert!(refused(TALL, ClipRetargetOptions { follow_s: 0.0, ..options }).contains("follow_s 0"));
 }
 

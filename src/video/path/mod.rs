@@ -135,14 +135,14 @@ pub struct PathOptions {
     /// Time constant of the smoothing, s, 0.05 to 30: motion much slower than this is kept, faster is removed.
     pub smoothness_s: f64,
     /// Smallest window, as a fraction of the frame's width, 0.3 to 1.
-    pub min_crop: f64,
+    pub keep: f64,
     /// Size of the window over time.
     pub zoom: Zoom,
-    /// The output may reach outside the source (the renderer fills it): no zoom, and only the central `min_crop` part of
+    /// The output may reach outside the source (the renderer fills it): no zoom, and only the central `keep` part of
     /// the output must be covered.
     pub border_allows_outside: bool,
     /// Level horizon: the window cancels the camera's roll, relative to the mean roll of the shot.
-    pub level: bool,
+    pub horizon_lock: bool,
     /// Margin between window and frame, as a fraction of the window's width, 0 to 0.1: a later mesh warp moves the border of
     /// the frame by up to this much.
     pub reserve: f64,
@@ -151,12 +151,12 @@ pub struct PathOptions {
 impl PathOptions {
     /// Size of the rectangle that the frame must cover, relative to the output.
     fn window(&self) -> f64 {
-        if self.border_allows_outside { self.min_crop } else { (1.0 + self.reserve).min(1.0 / self.min_crop) }
+        if self.border_allows_outside { self.keep } else { (1.0 + self.reserve).min(1.0 / self.keep) }
     }
 
     /// The smallest width of the rectangle, as a fraction of the frame's width.
     fn smallest_window(&self) -> f64 {
-        self.window() * if self.border_allows_outside { 1.0 } else { self.min_crop }
+        self.window() * if self.border_allows_outside { 1.0 } else { self.keep }
     }
 }
 
@@ -165,10 +165,10 @@ impl Default for PathOptions {
         Self {
             kind: PathKind::Optimal,
             smoothness_s: 0.5,
-            min_crop: 0.8,
+            keep: 0.8,
             zoom: Zoom::Adaptive,
             border_allows_outside: false,
-            level: false,
+            horizon_lock: false,
             reserve: 0.0,
         }
     }

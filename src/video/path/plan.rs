@@ -163,7 +163,7 @@ pub(super) fn shot_path(
 /// The path of the kind in the options, leveled if requested.
 fn kind_path(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
     let ideal = match options.kind {
-        PathKind::Optimal if !options.level => return optimal(chain, units, options, run),
+        PathKind::Optimal if !options.horizon_lock => return optimal(chain, units, options, run),
         // Its centers at one size: a window that no longer rotates with the frame has other corners.
         PathKind::Optimal => {
             optimal(chain, units, options, run)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
@@ -173,7 +173,7 @@ fn kind_path(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run
         PathKind::Parabolic => ideal::polynomial(chain, 2),
         PathKind::Tripod => ideal::tripod(chain),
     };
-    follow(chain, units, options, &if options.level { ideal::leveled(chain, &ideal) } else { ideal }, run)
+    follow(chain, units, options, &if options.horizon_lock { ideal::leveled(chain, &ideal) } else { ideal }, run)
 }
 
 /// The path that balances shake, acceleration and crop.
@@ -187,7 +187,7 @@ fn optimal(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) 
         ideal: None,
         about: &about,
         smoothness_s: options.smoothness_s,
-        min_crop: options.min_crop,
+        min_crop: options.keep,
         sizing: sizing(options),
         window: options.window(),
     };
@@ -220,9 +220,9 @@ pub(super) fn follow(
 ) -> Result<Vec<Pose>, QpError> {
     let window = options.window();
     let fits = ideal.iter().map(|&p| units.widest(p)).fold(1.0, f64::min) / window;
-    let size = if options.border_allows_outside { 1.0 } else { fits.max(options.min_crop) };
+    let size = if options.border_allows_outside { 1.0 } else { fits.max(options.keep) };
     let ideal: Vec<Pose> =
-        ideal.iter().map(|p| attainable(units, Pose { z: p.z * size, d: p.d }, options.min_crop, window)).collect();
+        ideal.iter().map(|p| attainable(units, Pose { z: p.z * size, d: p.d }, options.keep, window)).collect();
     if ideal.iter().all(|&p| units.overhang(p, window) <= 1e-9) {
         return Ok(ideal);
     }
@@ -234,7 +234,7 @@ pub(super) fn follow(
         ideal: Some(&ideal),
         about: &ideal,
         smoothness_s: options.smoothness_s,
-        min_crop: options.min_crop,
+        min_crop: options.keep,
         sizing: if options.border_allows_outside { Sizing::Pinned(size) } else { Sizing::Followed },
         window,
     };
@@ -310,7 +310,7 @@ fn mean(x: &[f64]) -> f64 {
 pub(super) fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
     for (option, value, low, high) in [
         ("smoothness", options.smoothness_s, 0.05, 30.0),
-        ("min-crop", options.min_crop, 0.3, 1.0),
+        ("keep", options.keep, 0.3, 1.0),
         ("reserve", options.reserve, 0.0, 0.1),
     ] {
         if !(value >= low && value <= high) {
@@ -391,15 +391,15 @@ mod tests {
             Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
         let kinds = [PathKind::Optimal, PathKind::Gaussian, PathKind::Linear, PathKind::Parabolic, PathKind::Tripod];
         let kinds = kinds.map(|kind| [(kind, false), (kind, true)]);
-        for (kind, level) in kinds.into_iter().flatten() {
-            for (smoothness_s, min_crop, outside) in settings([0.5, 5.0, 30.0], [0.3, 0.8, 1.0]) {
+        for (kind, horizon_lock) in kinds.into_iter().flatten() {
+            for (smoothness_s, keep, outside) in settings([0.5, 5.0, 30.0], [0.3, 0.8, 1.0]) {
                 let border_allows_outside = outside;
                 let options = PathOptions {
                     kind,
                     smoothness_s,
-                    min_crop,
+                    keep,
                     border_allows_outside,
-                    level,
+                    horizon_lock,
                     ..PathOptions::default()
                 };
                 let path = plan(&clip, &options, &Run::default()).expect("valid input");

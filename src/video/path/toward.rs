@@ -122,7 +122,7 @@ mod tests {
         assert!(options.covers((640, 360), &far(0)) && !options.covers((640, 360), &far(59)));
         let path = plan_toward(&clip, &options, &target, &Run::default()).expect("valid input");
         assert_eq!(path.segments[0].reason, "constrained to the frame");
-        assert!(path.crop.iter().all(|c| *c >= options.min_crop - 1e-6));
+        assert!(path.crop.iter().all(|c| *c >= options.keep - 1e-6));
         let units = FrameUnits::new(640, 360);
         for out_from_src in &path.out_from_src {
             let m = out_from_src.matrix();

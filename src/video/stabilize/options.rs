@@ -239,10 +239,10 @@ impl SmoothingOptions {
         PathOptions {
             kind: self.path.kind(),
             smoothness_s: self.smoothness,
-            min_crop: self.keep,
+            keep: self.keep,
             zoom: self.zoom,
             border_allows_outside: !self.keep_inside,
-            level: self.horizon_lock,
+            horizon_lock: self.horizon_lock,
             reserve: self.reserve,
         }
     }
