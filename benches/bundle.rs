@@ -27,7 +27,7 @@ fn options(readout: Freedom) -> BundleOptions {
 }
 
 fn bundle(c: &mut Criterion) {
-    let near = Disturbance { turn: 0.001, shift: 0.001, depth_factor: 1.05, focal_factor: 1.01 };
+    let near = Disturbance { rotation: 0.001, shift: 0.001, depth_factor: 1.05, focal_factor: 1.01 };
     let mut group = c.benchmark_group("bundle, 150 frames x 700 observations, 10 iterations");
     group.sample_size(10);
     for (name, readout, freedom) in [("global shutter", 0.0, Freedom::Fixed), ("rolling shutter", 0.6, Freedom::Free)] {

@@ -34,7 +34,7 @@ impl AtomicFile {
     ///
     /// # Errors
     /// What the system says of the folder.
-    pub fn beside(target: &Path) -> io::Result<Self> {
+    pub fn next_to(target: &Path) -> io::Result<Self> {
         Self::begin(folder_of(target), &Name::of(target), |path| File::create_new(path).map(Some))
     }
 
@@ -199,7 +199,7 @@ mod tests {
     fn leftovers_without_an_owner_are_swept_and_nothing_else() {
         let folder = tempfile::tempdir().expect("temporary folder");
         let at = |name: &str| folder.path().join(name);
-        let live = AtomicFile::beside(&at("out.mp4")).expect("begun");
+        let live = AtomicFile::next_to(&at("out.mp4")).expect("begun");
         let live_name = live.path().file_name().and_then(|n| n.to_str()).expect("UTF-8").to_owned();
         let dead = ["out.partial-1-abcd1234.mp4", "out.partial-4000000-ABCDEFGH.mp4"];
         let others = [
@@ -216,7 +216,7 @@ mod tests {
         #[cfg(unix)]
         std::os::unix::fs::symlink(at("out.mp4"), at("out.partial-2-abcd1234.mp4")).expect("link");
         let before = names(folder.path());
-        drop(AtomicFile::beside(&at("out.mp4")).expect("begun"));
+        drop(AtomicFile::next_to(&at("out.mp4")).expect("begun"));
         let expected: Vec<_> = before.into_iter().filter(|n| !dead.contains(&n.as_str())).collect();
         assert_eq!(names(folder.path()), expected);
         assert!(expected.contains(&live_name), "a live one stays");
@@ -241,7 +241,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("temporary folder");
         for stem in ["x".repeat(240), "ä".repeat(120), String::new()] {
             let target = folder.path().join(format!("{stem}.mp4"));
-            let file = AtomicFile::beside(&target).expect("begun");
+            let file = AtomicFile::next_to(&target).expect("begun");
             let name = file.path().file_name().and_then(|n| n.to_str()).expect("UTF-8").to_owned();
             assert!(Name::of(&target).matches(&name), "{name}");
             file.publish(&target).expect("published");

@@ -51,8 +51,8 @@ pub(super) fn hardware(codec: Codec) -> &'static [&'static str] {
 }
 
 /// Encoders for `codec` as wished, each with the format that suits `format` best: the one to try, and what to fall back on.
-pub(super) fn choose(codec: Codec, wish: &EncoderChoice, format: PixelFormat) -> Result<Vec<Choice>, MediaError> {
-    match wish {
+pub(super) fn choose(codec: Codec, choice: &EncoderChoice, format: PixelFormat) -> Result<Vec<Choice>, MediaError> {
+    match choice {
         EncoderChoice::Software => Ok(vec![in_software(codec, format)?]),
         EncoderChoice::Named(name) => Ok(vec![named(codec, name, format)?]),
         EncoderChoice::Hardware => {
@@ -192,8 +192,8 @@ mod tests {
         choose(codec, &EncoderChoice::Software, format).expect("an encoder")[0]
     }
 
-    fn refusal(codec: Codec, wish: &EncoderChoice) -> Option<String> {
-        choose(codec, wish, PixelFormat::opaque(Layout::Yuv420, 8)).err().map(|e| e.to_string())
+    fn refusal(codec: Codec, choice: &EncoderChoice) -> Option<String> {
+        choose(codec, choice, PixelFormat::opaque(Layout::Yuv420, 8)).err().map(|e| e.to_string())
     }
 
     #[test]

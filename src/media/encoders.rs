@@ -34,8 +34,8 @@ const TRIAL: usize = 256;
 ///
 /// # Errors
 /// [`MediaError::NoEncoder`], with the encoders that there are.
-pub fn check_encoder(codec: Codec, wish: &EncoderChoice) -> Result<(), MediaError> {
-    choose(codec, wish, PixelFormat::opaque(Layout::Yuv420, 8)).map(drop)
+pub fn check_encoder(codec: Codec, choice: &EncoderChoice) -> Result<(), MediaError> {
+    choose(codec, choice, PixelFormat::opaque(Layout::Yuv420, 8)).map(drop)
 }
 
 /// True where the encoder of this name opens on a small picture.

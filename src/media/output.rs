@@ -162,7 +162,7 @@ pub(super) enum Partial {
 
 impl Partial {
     fn file(target: &Path) -> Result<Self, MediaError> {
-        let partial = AtomicFile::beside(target).map_err(|e| MediaError::writing_io(target, &e))?;
+        let partial = AtomicFile::next_to(target).map_err(|e| MediaError::writing_io(target, &e))?;
         Ok(Self::File { partial, target: target.to_owned() })
     }
 

@@ -144,7 +144,7 @@ pub struct WriteOptions {
     /// Replace an existing target.
     pub overwrite: bool,
     /// Where everything beside the pictures comes from.
-    pub companions: PassthroughStreams,
+    pub passthrough: PassthroughStreams,
     /// Make an error of everything that would be lost: depth, chroma, alpha, streams.
     pub strict: bool,
 }

@@ -56,7 +56,7 @@ impl VideoWriter {
         let picture = source.demux()?;
         let start_us = source.span_us(&picture).0.unwrap_or(0);
         let mut copier = donor(source, options).map(Copier::open).transpose()?;
-        let own = matches!(options.companions, PassthroughStreams::OfSource);
+        let own = matches!(options.passthrough, PassthroughStreams::OfSource);
         let template = Template { encoder: &encoder, picture: &picture, video, own };
         let video_stream =
             template.add_streams(&mut muxer, copier.as_mut(), format, &mut warnings).map_err(|e| e.at(output))?;
@@ -197,7 +197,7 @@ impl Warnings {
 
 /// The clip that everything beside the pictures comes from.
 fn donor<'i>(source: &'i Input, options: &'i WriteOptions) -> Option<&'i Input> {
-    let donor = match &options.companions {
+    let donor = match &options.passthrough {
         PassthroughStreams::OfSource => source,
         PassthroughStreams::Of(other) => other,
         PassthroughStreams::None => return None,

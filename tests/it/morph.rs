@@ -58,7 +58,7 @@ fn a_rotation_by_270_degrees_is_interpolated_along_its_whole_angle() {
             &out,
             "--frames",
             "5",
-            "--whole-turns",
+            "--full-rotations",
             turns,
             "--report",
             "r.json",
@@ -242,7 +242,8 @@ fn the_command_builds_the_shipped_graph_and_prints_what_it_builds() {
         assert_eq!(same.settings.to_json(), stage.settings.to_json(), "{}", stage.name);
     }
     for command in [
-        &["morph", "a.obj", "b.obj", "-o", "f/", "--landmarks", "l.cons", "--refine", "0.01", "--whole-turns", "-1"][..],
+        &["morph", "a.obj", "b.obj", "-o", "f/", "--landmarks", "l.cons", "--refine", "0.01", "--full-rotations", "-1"]
+            [..],
         &["blend", "a.obj", "b.obj", "--paint", "p.json", "-o", "c.glb", "--frames", "3"],
         &["compose", "a.obj", "b.obj", "--seam", "s.json", "-o", "c.ply", "--report", "r.json"],
     ] {

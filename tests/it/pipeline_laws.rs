@@ -205,7 +205,7 @@ fn the_schema_is_draft_07_and_has_a_branch_for_every_kind() {
 #[test]
 fn defaults_are_those_of_the_modules_that_do_the_work() {
     let (smooth, path) = (SmoothSettings::default(), plumbline::video::path::PathOptions::default());
-    assert_eq!((smooth.smoothness, smooth.keep), (path.smoothness_s, path.min_crop));
+    assert_eq!((smooth.smoothness, smooth.keep), (path.smoothness_s, path.keep));
     assert_eq!(format!("{:?} {:?}", smooth.path, smooth.zoom), format!("{:?} {:?}", path.kind, path.zoom));
     assert_eq!(TrackSettings::default().points as usize, plumbline::video::track::TrackOptions::default().points);
     let render = plumbline::image::render::RenderOptions::default();

@@ -51,7 +51,7 @@ impl Offer for Morph {
         Setting::of("iterations").under("Method"),
         Setting::of("untangle").under("Method"),
         Setting::of("over").requires("landmarks").under("Method"),
-        Setting::of("whole_turns").signed().under("Method"),
+        Setting::of("full_rotations").signed().under("Method"),
         Setting::of("report").value("FILE.html|FILE.json"),
     ];
 }

@@ -216,7 +216,8 @@ impl StabilizeArgs {
         if self.compare {
             let encode = self.encode(compare_path(output)?);
             let compare = StageEntry::built("compare", &encode);
-            stages.push(compare.input("frames", "steady").input("audio", "source.audio").input("beside", "source"));
+            stages
+                .push(compare.input("frames", "steady").input("audio", "source.audio").input("side_by_side", "source"));
         }
         if let Some(path) = &self.report {
             let report =

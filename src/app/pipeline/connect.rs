@@ -301,14 +301,14 @@ fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>
         let from = |port: &str| stage.edges.iter().find(|e| e.port.name == port).map(|e| e.from);
         let span = || file.stages.iter().find(|s| s.name.text == stage.name).and_then(|s| s.name.span);
         let upstream = |at: usize| graph.stages[at].edges.iter().find(|e| e.port.name == "frames").map(|e| e.from);
-        if let (Some(frames), Some(beside)) = (from("frames"), from("beside"))
+        if let (Some(frames), Some(beside)) = (from("frames"), from("side_by_side"))
             && beside != frames
             && Some(beside) != upstream(frames)
         {
             let (shown, other) = (&graph.stages[frames].name, &graph.stages[beside].name);
             let message = format!("`{}` shows `{shown}` beside `{other}`, which it is not made from", stage.name);
             let help = "connect `beside` to the stage that `frames` takes its pictures from";
-            problems.push(Problem::new("beside", message).label(span(), "in this stage").help(help));
+            problems.push(Problem::new("side_by_side", message).label(span(), "in this stage").help(help));
         }
         problems.extend(warps::check(graph, stage).map(|p| p.label(span(), "in this stage")));
     }

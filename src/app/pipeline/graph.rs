@@ -36,7 +36,7 @@ pub struct Stage {
 impl Stage {
     /// The memory that it needs while it runs; twice the frames where it joins two pictures into one.
     pub fn memory(&self) -> Vec<MemoryCost> {
-        let joins = self.edges.iter().any(|e| e.port.name == "beside");
+        let joins = self.edges.iter().any(|e| e.port.name == "side_by_side");
         let times = if joins { 2.0 } else { 1.0 };
         self.settings.memory().into_iter().map(|cost| MemoryCost { frames: times * cost.frames, ..cost }).collect()
     }

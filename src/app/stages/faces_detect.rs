@@ -18,12 +18,12 @@ use plumbline_image::still::Photo;
 pub struct FacesDetectSettings {
     /// Least score of a face; real ones have 8 to about 30
     #[schemars(range(min = 1.0, max = 100.0))]
-    pub least_score: f64,
+    pub min_score: f64,
 }
 
 impl Default for FacesDetectSettings {
     fn default() -> Self {
-        Self { least_score: 8.0 }
+        Self { min_score: 8.0 }
     }
 }
 
@@ -40,7 +40,7 @@ impl Stage for FacesDetectSettings {
     }
 
     fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let options = FaceOptions { least_score: self.least_score, ..FaceOptions::default() };
+        let options = FaceOptions { min_score: self.min_score, ..FaceOptions::default() };
         let faces = FaceDetector::new(options).detect(&photo.frame, &context.job.run())?;
         Ok((faces.into(),))
     }

@@ -9,7 +9,7 @@ use plumbline_media::AtomicFile;
 
 /// Starts the file that is to become `path`; dropped, it is removed.
 pub(crate) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
-    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
+    AtomicFile::next_to(path).map_err(|e| cannot(path, &e))
 }
 
 pub(crate) fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {

@@ -84,7 +84,7 @@ impl Stage for BlendSettings {
         let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere(), &context.job.run())
             .map_err(morph_error)?;
         // Shapes at fractions of these times.
-        let options = TrajectoryOptions { iterations: self.iterations as usize, whole_turns: 0 };
+        let options = TrajectoryOptions { iterations: self.iterations as usize, full_rotations: 0 };
         let mut trajectory =
             Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
         let mut shapes = Shapes::new(&pair, self.report.is_some());

@@ -78,8 +78,8 @@ fn warn(context: &mut Context<'_, '_>, report: &WeightReport, options: &WeightOp
             "{pieces} pieces with {vertices} vertices see no bone and took the weights of what is nearest"
         ));
     }
-    if !report.idle_joints.is_empty() {
-        let names: Vec<String> = report.idle_joints.iter().map(|&j| name(j)).collect();
+    if !report.unused_joints.is_empty() {
+        let names: Vec<String> = report.unused_joints.iter().map(|&j| name(j)).collect();
         context.warn(format!("no vertex follows {}", names.join(", ")));
     }
     if options.method == WeightMethod::BoundedBiharmonic && report.residual > 1e-3 {

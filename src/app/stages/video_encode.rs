@@ -63,7 +63,7 @@ impl Stage for EncodeSettings {
     const INPUTS: &'static [Port] = &[
         Port::one("frames", PortType::Frames, "the pictures"),
         Port::optional("audio", PortType::Audio, "streams to copy beside the picture"),
-        Port::optional("beside", PortType::Frames, "pictures to show on the left of `frames`, for comparison"),
+        Port::optional("side_by_side", PortType::Frames, "pictures to show on the left of `frames`, for comparison"),
     ];
     const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
     const REQUIRED: &'static [&'static str] = &["path"];

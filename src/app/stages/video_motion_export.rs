@@ -172,7 +172,7 @@ impl Written {
 
 /// Starts the unfinished file beside `path`; dropped, it is removed.
 fn begin(path: &Path) -> Result<AtomicFile, RunError> {
-    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
+    AtomicFile::next_to(path).map_err(|e| cannot(path, &e))
 }
 
 fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {

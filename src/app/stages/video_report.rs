@@ -79,7 +79,7 @@ impl Stage for ReportSettings {
 
 /// Starts the unfinished page beside `path`; dropped, it is removed.
 pub(super) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
-    AtomicFile::beside(path).map_err(|e| cannot(path, &e))
+    AtomicFile::next_to(path).map_err(|e| cannot(path, &e))
 }
 
 /// Writes the report.

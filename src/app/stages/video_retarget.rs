@@ -86,8 +86,9 @@ fn retarget(context: &mut Context<'_, '_>, stage: usize, settings: &VideoRetarge
         RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(e.to_string()),
         other => RunError::Input(other.to_string()),
     })?;
-    context.summary.window =
-        grids.window().map(|w| WindowSummary { kept: [w.share.0, w.share.1], range_px: [w.range_px.0, w.range_px.1] });
+    context.summary.window = grids
+        .window()
+        .map(|w| WindowSummary { kept: [w.fraction.0, w.fraction.1], range_px: [w.range_px.0, w.range_px.1] });
     context.values.put(stage, "warp", grids);
     Ok(())
 }

@@ -30,14 +30,14 @@ pub struct Face {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaceOptions {
     /// Scores from here on count. Below 8 the boxes on foliage and brickwork outnumber the faces.
-    pub least_score: f64,
+    pub min_score: f64,
     /// The longer side of the picture that is searched, px. Twice as much finds faces half as large in four times the time.
     pub max_side: usize,
 }
 
 impl Default for FaceOptions {
     fn default() -> Self {
-        Self { least_score: 8.0, max_side: 800 }
+        Self { min_score: 8.0, max_side: 800 }
     }
 }
 
@@ -92,7 +92,7 @@ impl FaceDetector {
                 let rect = Rect { min: corner(x, y), max: corner(x + f64::from(b.width()), y + f64::from(b.height())) };
                 Face { rect, score: face.score() }
             })
-            .filter(|face| face.score >= self.options.least_score)
+            .filter(|face| face.score >= self.options.min_score)
             .collect();
         let order = |a: &Face, b: &Face| b.score.total_cmp(&a.score).then(a.rect.min.x.total_cmp(&b.rect.min.x));
         faces.sort_by(order);
@@ -102,7 +102,7 @@ impl FaceDetector {
     fn detector(&self) -> Box<dyn Detector> {
         let mut detector = rustface::create_detector_with_model(self.model.clone());
         // The package's own filter refuses thresholds of 0 and below; what remains is filtered here.
-        detector.set_score_thresh(self.options.least_score.max(0.01));
+        detector.set_score_thresh(self.options.min_score.max(0.01));
         detector.set_min_face_size(20);
         detector.set_pyramid_scale_factor(0.8);
         detector.set_slide_window_step(4, 4);

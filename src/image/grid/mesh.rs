@@ -115,7 +115,7 @@ impl GridMesh {
 
     /// Number of cells that fold or collapse (a Jacobian that is not positive at some corner), NaN included.
     pub fn folded_cells(&self) -> usize {
-        let sound = |cell: usize| self.quad(cell).least_jacobian() > 0.0;
+        let sound = |cell: usize| self.quad(cell).min_jacobian() > 0.0;
         (0..self.cols * self.rows).filter(|&cell| !sound(cell)).count()
     }
 }

@@ -36,7 +36,7 @@ impl Quad {
 
     /// Smallest Jacobian determinant of `(s, t) ↦ x` over the cell, which it takes at a corner: not positive where the
     /// cell folds or collapses; NaN where a corner is.
-    pub fn least_jacobian(&self) -> f64 {
+    pub fn min_jacobian(&self) -> f64 {
         let [a, b, c, d] = self.0;
         let (top, bottom, left, right) = (b - a, d - c, c - a, d - b);
         // Not `f64::min`, which would pass over a NaN.
@@ -102,10 +102,10 @@ mod tests {
     #[test]
     fn a_corner_pulled_across_the_diagonal_folds() {
         let mut q = sample();
-        assert!(q.least_jacobian() > 0.0);
+        assert!(q.min_jacobian() > 0.0);
         q.0[3] = Point2::new(2.0, 4.0);
-        assert!(q.least_jacobian() < 0.0);
+        assert!(q.min_jacobian() < 0.0);
         let mirrored = Quad([q.0[1], q.0[0], q.0[3], q.0[2]]);
-        assert!(mirrored.area() < 0.0 && mirrored.least_jacobian() < 0.0);
+        assert!(mirrored.area() < 0.0 && mirrored.min_jacobian() < 0.0);
     }
 }

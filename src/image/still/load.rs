@@ -13,7 +13,7 @@ use image::{ColorType, ExtendedColorType, ImageDecoder, Limits};
 
 use super::packed::unpack;
 use super::sniff::{HEAD, refuse_raw_name, sniff};
-use super::{ExifTags, Photo, StillError, StillFormat, Turn, exif, jpeg, tiff};
+use super::{ExifOrientation, ExifTags, Photo, StillError, StillFormat, exif, jpeg, tiff};
 use crate::{Layout, PixelFormat};
 
 /// Memory beyond the pixels that a decoder may take, bytes: rows, tables, metadata.
@@ -64,7 +64,7 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<Photo, StillError> {
 /// Any of [`StillError`] that is about input.
 pub fn size(path: &Path, options: LoadOptions) -> Result<(usize, usize), StillError> {
     let opened = Opened::new(open(path, options)?, options)?;
-    Ok(opened.turn.size(opened.width, opened.height))
+    Ok(opened.orientation.size(opened.width, opened.height))
 }
 
 fn open(path: &Path, options: LoadOptions) -> Result<BufReader<File>, StillError> {
@@ -96,7 +96,7 @@ struct Opened<'r> {
     width: usize,
     height: usize,
     pixels: PixelFormat,
-    turn: Turn,
+    orientation: ExifOrientation,
     exif: Option<Vec<u8>>,
     tags: ExifTags,
     icc: Option<Vec<u8>>,
@@ -158,10 +158,10 @@ impl<'r> Opened<'r> {
             StillFormat::Tiff => decoder.orientation().ok().map(|o| u32::from(o.to_exif())),
             _ => block.as_deref().and_then(exif::orientation),
         };
-        let turn = Turn::of_tag(tag.unwrap_or(1));
+        let orientation = ExifOrientation::of_tag(tag.unwrap_or(1));
         let (width, height) = (width as usize, height as usize);
         let tags = block.as_deref().map(ExifTags::of).unwrap_or_default();
-        let (w, h) = turn.size(width, height);
+        let (w, h) = orientation.size(width, height);
         if let Some(b) = &mut block
             && !exif::describe(b, w, h)
         {
@@ -169,21 +169,21 @@ impl<'r> Opened<'r> {
             warnings.push("its EXIF is damaged and was left out".to_owned());
         }
         let icc = icc.filter(|p| !p.is_empty());
-        Ok(Self { decoder, format, width, height, pixels, turn, exif: block, tags, icc, warnings })
+        Ok(Self { decoder, format, width, height, pixels, orientation, exif: block, tags, icc, warnings })
     }
 
     /// Decodes the pixels.
     fn photo(self) -> Result<Photo, StillError> {
-        let Self { decoder, format, width, height, pixels, turn, exif, tags, icc, warnings } = self;
+        let Self { decoder, format, width, height, pixels, orientation, exif, tags, icc, warnings } = self;
         let samples = width * height * super::packed::planes_of(pixels).len();
         let frame = if pixels.bits == 8 {
             let mut packed = vec![0_u8; samples];
             decoder.read_image_boxed(&mut packed).map_err(StillError::of_decoder)?;
-            unpack(&packed, (width, height), pixels, turn)
+            unpack(&packed, (width, height), pixels, orientation)
         } else {
             let mut packed = vec![0_u16; samples];
             decoder.read_image_boxed(bytemuck::cast_slice_mut(&mut packed)).map_err(StillError::of_decoder)?;
-            unpack(&packed, (width, height), pixels, turn)
+            unpack(&packed, (width, height), pixels, orientation)
         };
         let frame = frame.ok_or(StillError::Layout)?;
         Ok(Photo { frame, exif, tags, icc, format: Some(format), warnings })

@@ -8,7 +8,7 @@
 
 /// What makes a stored picture upright.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Turn {
+pub struct ExifOrientation {
     /// Rows of the upright picture are columns of the stored one.
     pub swap: bool,
     /// Stored columns are read from the right.
@@ -17,7 +17,7 @@ pub struct Turn {
     pub flip_y: bool,
 }
 
-impl Turn {
+impl ExifOrientation {
     /// The orientation for a value of the tag; undefined values give the identity.
     pub const fn of_tag(value: u32) -> Self {
         let (swap, flip_x, flip_y) = match value {
@@ -33,7 +33,7 @@ impl Turn {
         Self { swap, flip_x, flip_y }
     }
 
-    /// The turn of a picture that a player mirrors from left to right (`mirrored`) and then turns clockwise by quarters.
+    /// The orientation of a picture that a player mirrors from left to right (`mirrored`) and then turns clockwise by quarters.
     pub const fn of_display(quarters: u32, mirrored: bool) -> Self {
         Self::of_tag(match (quarters % 4, mirrored) {
             (0, false) => 1,
@@ -80,22 +80,22 @@ mod tests {
         for (value, stored) in (1..).zip(STORED) {
             let rows: Vec<&[u8]> = stored.iter().map(|r| r.as_bytes()).filter(|r| !r.is_empty()).collect();
             let (w, h) = (rows[0].len(), rows.len());
-            let turn = Turn::of_tag(value);
-            assert_eq!(turn.size(w, h), (3, 5), "{value}");
+            let orientation = ExifOrientation::of_tag(value);
+            assert_eq!(orientation.size(w, h), (3, 5), "{value}");
             let at = |i, j| {
-                let (x, y) = turn.stored((i, j), w, h);
+                let (x, y) = orientation.stored((i, j), w, h);
                 char::from(rows[y][x])
             };
             let upright: Vec<String> = (0..5).map(|j| (0..3).map(|i| at(i, j)).collect()).collect();
             assert_eq!(upright, STORED[0], "{value}");
         }
-        assert_eq!(Turn::of_tag(0), Turn::default());
-        assert_eq!(Turn::of_tag(77), Turn::default());
+        assert_eq!(ExifOrientation::of_tag(0), ExifOrientation::default());
+        assert_eq!(ExifOrientation::of_tag(77), ExifOrientation::default());
     }
 
     #[test]
     fn a_player_that_mirrors_and_rotates_agrees_with_the_orientation() {
-        // A corner pixel of a 4×3 picture, mirrored, then turned by quarters clockwise.
+        // A corner pixel of a 4×3 picture, mirrored, then oriented by quarters clockwise.
         for (quarters, mirrored) in (0..4).flat_map(|q| [(q, false), (q, true)]) {
             let (mut x, mut y, mut w, mut h) = (1, 0, 4, 3);
             if mirrored {
@@ -105,9 +105,9 @@ mod tests {
                 (x, y) = (h - 1 - y, x);
                 (w, h) = (h, w);
             }
-            let turn = Turn::of_display(quarters, mirrored);
-            assert_eq!(turn.size(4, 3), (w, h));
-            assert_eq!(turn.stored((x, y), 4, 3), (1, 0), "{quarters} {mirrored}");
+            let orientation = ExifOrientation::of_display(quarters, mirrored);
+            assert_eq!(orientation.size(4, 3), (w, h));
+            assert_eq!(orientation.stored((x, y), 4, 3), (1, 0), "{quarters} {mirrored}");
         }
     }
 }

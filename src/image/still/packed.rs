@@ -4,7 +4,7 @@ use bytemuck::Pod;
 use rayon::prelude::*;
 
 use super::reduce::{over_white, to_8_bit};
-use super::{StillError, Turn};
+use super::{ExifOrientation, StillError};
 use crate::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
 
 /// Rows per parallel task: a task outweighs its scheduling, and small pictures still split.
@@ -59,21 +59,21 @@ pub(super) fn unpack<S: Sample>(
     samples: &[S],
     (width, height): (usize, usize),
     format: PixelFormat,
-    turn: Turn,
+    orientation: ExifOrientation,
 ) -> Option<Frame> {
     let order = planes_of(format);
     let channels = order.len();
     if samples.len() != width * height * channels || samples.is_empty() {
         return None;
     }
-    let (w, h) = turn.size(width, height);
+    let (w, h) = orientation.size(width, height);
     let mut frame = Frame::new(format, w, h);
     frame.color.full_range = Some(true);
     for (channel, &plane) in order.iter().enumerate() {
         let (data, stride) = S::plane_mut(&mut frame, plane)?.into_data();
         data.par_chunks_mut(stride * ROWS).enumerate().for_each(|(task, rows)| {
             for (j, row) in (task * ROWS..h).zip(rows.chunks_mut(stride)) {
-                fill_row(&mut row[..w], samples, (width, height), (channel, channels), turn, j);
+                fill_row(&mut row[..w], samples, (width, height), (channel, channels), orientation, j);
             }
         });
     }
@@ -86,19 +86,19 @@ fn fill_row<S: Sample>(
     samples: &[S],
     (width, height): (usize, usize),
     (channel, channels): (usize, usize),
-    turn: Turn,
+    orientation: ExifOrientation,
     j: usize,
 ) {
-    if turn.swap {
+    if orientation.swap {
         for (i, sample) in row.iter_mut().enumerate() {
-            let (x, y) = turn.stored((i, j), width, height);
+            let (x, y) = orientation.stored((i, j), width, height);
             *sample = samples[(y * width + x) * channels + channel];
         }
         return;
     }
-    let y = turn.stored((0, j), width, height).1;
+    let y = orientation.stored((0, j), width, height).1;
     let stored = samples[y * width * channels..][..width * channels].chunks_exact(channels).map(|p| p[channel]);
-    if turn.flip_x {
+    if orientation.flip_x {
         row.iter_mut().rev().zip(stored).for_each(|(to, from)| *to = from);
     } else {
         row.iter_mut().zip(stored).for_each(|(to, from)| *to = from);
@@ -134,30 +134,30 @@ pub(super) fn pack<S: Sample>(frame: &Frame) -> Result<Vec<S>, StillError> {
     Ok(out)
 }
 
-/// A frame turned upright; `None` where its memory does not hold its planes, or its chroma is subsampled.
-pub fn turned(frame: &Frame, turn: Turn) -> Option<Frame> {
-    let (w, h) = turn.size(frame.width, frame.height);
+/// A frame oriented upright; `None` where its memory does not hold its planes, or its chroma is subsampled.
+pub fn oriented(frame: &Frame, orientation: ExifOrientation) -> Option<Frame> {
+    let (w, h) = orientation.size(frame.width, frame.height);
     let mut out = Frame::new(frame.format, w, h);
     out.copy_properties(frame);
     for i in 0..frame.format.planes() {
         let plain = frame.format.subsampling(i) == (0, 0);
-        let turned = if frame.format.bits == 8 {
-            turned_plane::<u8>(frame, &mut out, i, turn)
+        let oriented = if frame.format.bits == 8 {
+            turned_plane::<u8>(frame, &mut out, i, orientation)
         } else {
-            turned_plane::<u16>(frame, &mut out, i, turn)
+            turned_plane::<u16>(frame, &mut out, i, orientation)
         };
-        turned.filter(|()| plain)?;
+        oriented.filter(|()| plain)?;
     }
     Some(out)
 }
 
-fn turned_plane<S: Sample>(frame: &Frame, out: &mut Frame, i: usize, turn: Turn) -> Option<()> {
+fn turned_plane<S: Sample>(frame: &Frame, out: &mut Frame, i: usize, orientation: ExifOrientation) -> Option<()> {
     let from = S::plane(frame, i)?;
     let (width, height) = (out.width, out.height);
     let (data, stride) = S::plane_mut(out, i)?.into_data();
     data.par_chunks_mut(stride).take(height).enumerate().for_each(|(j, row)| {
         for (i, sample) in row[..width].iter_mut().enumerate() {
-            let (x, y) = turn.stored((i, j), frame.width, frame.height);
+            let (x, y) = orientation.stored((i, j), frame.width, frame.height);
             *sample = from.row(y)[x];
         }
     });
@@ -188,7 +188,7 @@ pub fn rgb_of_frame(frame: &Frame) -> Result<Vec<[u8; 3]>, StillError> {
 /// [`StillError::Layout`] where their number is wrong.
 pub fn frame_of_rgb(samples: &[u8], width: usize, height: usize) -> Result<Frame, StillError> {
     let format = PixelFormat::opaque(Layout::Gbr, 8);
-    unpack(samples, (width, height), format, Turn::default()).ok_or(StillError::Layout)
+    unpack(samples, (width, height), format, ExifOrientation::default()).ok_or(StillError::Layout)
 }
 
 #[cfg(test)]
@@ -202,16 +202,16 @@ mod tests {
             let format = PixelFormat { layout, bits: 16, alpha };
             let count = 37 * 70 * planes_of(format).len();
             let samples: Vec<u16> = (0..count).map(|i| (i * 7) as u16).collect();
-            let frame = unpack(&samples, (37, 70), format, Turn::default()).expect("as many as it takes");
+            let frame = unpack(&samples, (37, 70), format, ExifOrientation::default()).expect("as many as it takes");
             assert_eq!(pack::<u16>(&frame).expect("a still format"), samples);
-            assert!(unpack(&samples[1..], (37, 70), format, Turn::default()).is_none());
+            assert!(unpack(&samples[1..], (37, 70), format, ExifOrientation::default()).is_none());
         }
     }
 
     #[test]
     fn red_green_and_blue_go_to_their_planes() {
         let format = PixelFormat::opaque(Layout::Gbr, 8);
-        let frame = unpack(&[1_u8, 2, 3, 4, 5, 6], (2, 1), format, Turn::of_tag(2)).expect("six samples");
+        let frame = unpack(&[1_u8, 2, 3, 4, 5, 6], (2, 1), format, ExifOrientation::of_tag(2)).expect("six samples");
         let plane = |i| frame.plane8(i).expect("8 bit").row(0).to_vec();
         assert_eq!((plane(0), plane(1), plane(2)), (vec![5, 2], vec![6, 3], vec![4, 1]), "mirrored, green first");
     }
@@ -221,12 +221,12 @@ mod tests {
         let (w, h) = (41, 33);
         let samples: Vec<u16> = (0..w * h).map(|i| i as u16).collect();
         for value in 1..=8 {
-            let turn = Turn::of_tag(value);
-            let frame = unpack(&samples, (w, h), PixelFormat::opaque(Layout::Gray, 16), turn).expect("as many");
-            assert_eq!((frame.width, frame.height), turn.size(w, h));
+            let orientation = ExifOrientation::of_tag(value);
+            let frame = unpack(&samples, (w, h), PixelFormat::opaque(Layout::Gray, 16), orientation).expect("as many");
+            assert_eq!((frame.width, frame.height), orientation.size(w, h));
             let plane = frame.plane16(0).expect("16 bit");
             for (i, j) in [(0, 0), (frame.width - 1, 0), (3, frame.height - 1), (17, 32)] {
-                let (x, y) = turn.stored((i, j), w, h);
+                let (x, y) = orientation.stored((i, j), w, h);
                 assert_eq!(usize::from(plane.row(j)[i]), y * w + x, "{value}");
             }
         }

@@ -21,9 +21,9 @@ fn photo(layout: Layout, bits: u8, alpha: bool, (w, h): (usize, usize)) -> Photo
     };
     let values: Vec<u16> = (0..w * h * channels).map(value).collect();
     let frame = if bits == 16 {
-        unpack(&values, (w, h), format, Turn::default())
+        unpack(&values, (w, h), format, ExifOrientation::default())
     } else {
-        unpack(&values.iter().map(|v| *v as u8).collect::<Vec<u8>>(), (w, h), format, Turn::default())
+        unpack(&values.iter().map(|v| *v as u8).collect::<Vec<u8>>(), (w, h), format, ExifOrientation::default())
     };
     Photo {
         frame: frame.expect("as many as it takes"),
@@ -175,7 +175,7 @@ fn jpeg_says_what_it_drops() {
 }
 
 /// A JPEG or PNG with an orientation in it, as a camera writes it.
-fn turned(value: u8, format: StillFormat) -> Vec<u8> {
+fn oriented(value: u8, format: StillFormat) -> Vec<u8> {
     let mut stored = photo(Layout::Gbr, 8, false, (48, 32));
     stored.exif = Some(exif_block(Order::Little));
     let (mut bytes, _) = written(&stored, format);
@@ -190,13 +190,13 @@ fn all_eight_orientations_are_applied_once_and_then_say_one() {
     for (value, format) in
         (1..=8).flat_map(|v| [(v, StillFormat::Jpeg), (v, StillFormat::Tiff), (v, StillFormat::WebP)])
     {
-        let plain = read(&turned(1, format)).expect("sound");
-        let upright = read(&turned(value, format)).expect("sound");
-        let turn = Turn::of_tag(u32::from(value));
-        assert_eq!((upright.frame.width, upright.frame.height), turn.size(48, 32), "{value} {format:?}");
+        let plain = read(&oriented(1, format)).expect("sound");
+        let upright = read(&oriented(value, format)).expect("sound");
+        let exif = ExifOrientation::of_tag(u32::from(value));
+        assert_eq!((upright.frame.width, upright.frame.height), exif.size(48, 32), "{value} {format:?}");
         let (a, b) = (plain.frame.plane8(0).expect("8 bit"), upright.frame.plane8(0).expect("8 bit"));
         for (i, j) in [(0, 0), (5, 9), (31, 31)] {
-            let (x, y) = turn.stored((i, j), 48, 32);
+            let (x, y) = exif.stored((i, j), 48, 32);
             assert_eq!(a.row(y)[x], b.row(j)[i], "{value} {format:?}");
         }
         assert_eq!(upright.exif.as_deref().and_then(orientation), Some(1));

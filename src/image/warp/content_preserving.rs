@@ -247,7 +247,7 @@ impl ContentPreserving {
         for i in 0..self.grid.vertex_count() {
             self.prewarped.vertices[i] = pre_warp.apply(self.grid.vertex(i)).unwrap_or(nowhere);
         }
-        let one_to_one = |cell: usize| self.prewarped.quad(cell).least_jacobian() > 0.0;
+        let one_to_one = |cell: usize| self.prewarped.quad(cell).min_jacobian() > 0.0;
         match (0..self.grid.cell_count()).find(|&cell| !one_to_one(cell)) {
             None => Ok(()),
             Some(cell) => Err(WarpError::PreWarp { cell }),

@@ -117,7 +117,7 @@ pub fn rectangle(
     run: &Run,
 ) -> Result<Rectangled, RectangleError> {
     check(options)?;
-    let share = input.outline.share();
+    let share = input.outline.inside_fraction();
     if share < MIN_INSIDE {
         return Err(RectangleError::Empty { percent: 100.0 * share });
     }
@@ -221,7 +221,7 @@ fn solved(
         }
         solves += ITERATIONS + 1;
         let folded: Vec<usize> =
-            (0..energy.weights.len()).filter(|&cell| !(found.quad(cell).least_jacobian() > 0.0)).collect();
+            (0..energy.weights.len()).filter(|&cell| !(found.quad(cell).min_jacobian() > 0.0)).collect();
         if folded.is_empty() {
             return Ok((found, solves));
         }

@@ -80,7 +80,7 @@ impl Outline {
     }
 
     /// Fraction of the picture inside.
-    pub fn share(&self) -> f64 {
+    pub fn inside_fraction(&self) -> f64 {
         self.count() as f64 / self.inside.len() as f64
     }
 
@@ -102,7 +102,10 @@ impl Outline {
     pub fn is_stitched(&self) -> bool {
         let [x0, y0, x1, y1] = self.bounds();
         let fills = self.count() as f64 / ((x1 - x0) * (y1 - y0)) as f64;
-        self.touched == [true; 4] && (0.4..MAX_FILL).contains(&fills) && self.share() > 0.3 && !self.is_round()
+        self.touched == [true; 4]
+            && (0.4..MAX_FILL).contains(&fills)
+            && self.inside_fraction() > 0.3
+            && !self.is_round()
     }
 
     /// Whether the inside is a disk, possibly cut by the frame: the picture of a fisheye. The blocks along the outline,

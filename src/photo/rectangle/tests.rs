@@ -109,7 +109,7 @@ fn more_is_kept_than_by_the_largest_rectangle() {
         let frame = wall(&shown);
         let (made, outline) = made(&frame, &lines(), &RectangleOptions::default());
         let shown_px = (made.warp.size.0 * made.warp.size.1) as f64;
-        let inside = outline.share() * (SIZE.0 * SIZE.1) as f64;
+        let inside = outline.inside_fraction() * (SIZE.0 * SIZE.1) as f64;
         assert!((shown_px / inside - 1.0).abs() < 0.12, "{name}: {shown_px} px of {inside}");
     }
 }
@@ -171,7 +171,11 @@ fn a_pale_sky_beside_a_white_border_is_not_taken_for_it() {
     let outline = Outline::of_frame(&wall(&shown)).expect("a border");
     let truth = (0..SIZE.0 * SIZE.1).filter(|k| shown((k % SIZE.0) as f64, (k / SIZE.0) as f64)).count();
     let share = truth as f64 / (SIZE.0 * SIZE.1) as f64;
-    assert!(outline.share() < share && outline.share() > share - 0.03, "{} of {share}", outline.share());
+    assert!(
+        outline.inside_fraction() < share && outline.inside_fraction() > share - 0.03,
+        "{} of {share}",
+        outline.inside_fraction()
+    );
 }
 
 #[test]
@@ -188,7 +192,7 @@ fn a_transparent_border_counts_whatever_its_color() {
         }
     }
     assert!(Outline::of_frame(&clear).expect("a border").is_stitched());
-    assert!(Outline::of_frame(&frame).is_none_or(|o| o.share() > 0.5 && !o.is_stitched()));
+    assert!(Outline::of_frame(&frame).is_none_or(|o| o.inside_fraction() > 0.5 && !o.is_stitched()));
 }
 
 #[test]

@@ -83,12 +83,12 @@ pub struct EnergyWeights {
     /// `w_f`: weight of the rigidity of faces, 0 to 1e8, default 1000.
     pub faces: f64,
     /// Maximum number of linearizations per solve, at least 1, default 20; three or four usually suffice.
-    pub rounds: usize,
+    pub iterations: usize,
 }
 
 impl Default for EnergyWeights {
     fn default() -> Self {
-        Self { conformality: 0.16, smooth_length: 0.15, straightness: 1e4, faces: 1e3, rounds: 20 }
+        Self { conformality: 0.16, smooth_length: 0.15, straightness: 1e4, faces: 1e3, iterations: 20 }
     }
 }
 
@@ -171,7 +171,8 @@ impl Sheet {
         let mut cells = self.conformality(&lines);
         let mut report = SolveReport { iterations: 0, folded: false };
         for _ in 0..MAX_FOLD_ITERATIONS {
-            let found = self.straightened(&lines, &cells, &sound, self.weights.rounds, &mut report.iterations, run)?;
+            let found =
+                self.straightened(&lines, &cells, &sound, self.weights.iterations, &mut report.iterations, run)?;
             let folded: Vec<usize> = (0..cells.len()).filter(|&cell| folds(&found.quad(cell))).collect();
             if folded.is_empty() {
                 return Ok((found, report));
@@ -216,15 +217,15 @@ impl Sheet {
         lines: &[GridLine],
         cells: &[f64],
         initial: &GridMesh,
-        rounds: usize,
+        max_iterations: usize,
         iterations: &mut usize,
         run: &Run,
     ) -> Result<GridMesh, EnergyError> {
         let tolerance = STEP_TOLERANCE * self.sphere.cell();
         let free = lines.iter().any(|line| line.normal.is_none());
         let (mut mesh, mut before) = (initial.clone(), f64::INFINITY);
-        for k in 0..rounds.max(1) {
-            run.step(k as f64 / rounds.max(1) as f64)?;
+        for k in 0..max_iterations.max(1) {
+            run.step(k as f64 / max_iterations.max(1) as f64)?;
             let mut next = self.linearized_solve(lines, cells, &mesh, run)?;
             *iterations += 1;
             let moved = mesh.vertices.iter().zip(&next.vertices).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
@@ -376,7 +377,7 @@ pub(crate) fn with_neighbors(cells: &[usize], (cols, rows): (usize, usize)) -> V
 }
 
 fn folds(quad: &Quad) -> bool {
-    !(quad.least_jacobian() > 0.0)
+    !(quad.min_jacobian() > 0.0)
 }
 
 /// The mesh with each cell cut into four.

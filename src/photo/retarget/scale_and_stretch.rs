@@ -379,7 +379,7 @@ impl Scales {
         let least = MIN_DETERMINANT * self.least.0 * self.least.1 * self.cell.0 * self.cell.1;
         (0..grid.cell_count()).all(|cell| {
             let quad = mesh.quad(cell);
-            quad.least_jacobian() > least && self.edges(&quad).along.iter().all(|a| *a > 0.0)
+            quad.min_jacobian() > least && self.edges(&quad).along.iter().all(|a| *a > 0.0)
         })
     }
 }

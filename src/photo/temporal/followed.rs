@@ -161,8 +161,8 @@ impl Judged<'_> {
         if !inside {
             return None;
         }
-        let place = |share: f64, count: usize| {
-            let at = (share * count as f64 - 0.5).clamp(0.0, (count - 1) as f64);
+        let place = |fraction: f64, count: usize| {
+            let at = (fraction * count as f64 - 0.5).clamp(0.0, (count - 1) as f64);
             let first = (at as usize).min(count.saturating_sub(2));
             (first, (first + 1).min(count - 1), at - first as f64)
         };

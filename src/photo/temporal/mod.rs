@@ -111,7 +111,7 @@ pub struct ClipGrids {
     source: (f64, f64),
     out: (usize, usize),
     /// Fraction of width and height that a window keeps.
-    share: (f64, f64),
+    fraction: (f64, f64),
     shots: Vec<ShotGrids>,
 }
 
@@ -119,7 +119,7 @@ pub struct ClipGrids {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShownWindow {
     /// Part of width and height.
-    pub share: (f64, f64),
+    pub fraction: (f64, f64),
     /// Range of the window's start along the cropped axis, px.
     pub range_px: (f64, f64),
 }
@@ -127,14 +127,14 @@ pub struct ShownWindow {
 impl ClipGrids {
     /// What the windows show; `None` where they show all.
     pub fn window(&self) -> Option<ShownWindow> {
-        let (across, down) = self.share;
+        let (across, down) = self.fraction;
         if across >= 1.0 && down >= 1.0 {
             return None;
         }
         let side = if across < 1.0 { self.source.0 } else { self.source.1 };
         let starts = || self.shots.iter().flat_map(|s| &s.knots).map(|k| side * k.start);
         let range_px = (starts().fold(f64::INFINITY, f64::min), starts().fold(0.0, f64::max));
-        Some(ShownWindow { share: self.share, range_px })
+        Some(ShownWindow { fraction: self.fraction, range_px })
     }
 }
 
@@ -177,11 +177,11 @@ pub fn retarget_clip(
     }
     let scale = (out.0 as f64 / width as f64, out.1 as f64 / height as f64);
     let kept = kept_share(scale, options.crop_below);
-    let share = if scale.0 < scale.1 { (kept, 1.0) } else { (1.0, kept) };
-    let shape = Shape { source: (width as f64, height as f64), out: (out.0 as f64, out.1 as f64), share };
+    let fraction = if scale.0 < scale.1 { (kept, 1.0) } else { (1.0, kept) };
+    let shape = Shape { source: (width as f64, height as f64), out: (out.0 as f64, out.1 as f64), fraction };
     let solve = |frames: &Range<usize>| shape.solve(clip, importance, frames, options, run);
     let shots = clip.shots.iter().map(solve).collect::<Result<Vec<_>, _>>()?;
-    Ok(ClipGrids { source: shape.source, out, share, shots })
+    Ok(ClipGrids { source: shape.source, out, fraction, shots })
 }
 
 /// Sizes of source and output, and the fraction that a window keeps.
@@ -189,29 +189,29 @@ pub fn retarget_clip(
 struct Shape {
     source: (f64, f64),
     out: (f64, f64),
-    share: (f64, f64),
+    fraction: (f64, f64),
 }
 
 impl Shape {
     /// The window slides along x.
     fn along_x(&self) -> bool {
-        self.share.0 < 1.0
+        self.fraction.0 < 1.0
     }
 
     fn kept(&self) -> f64 {
-        self.share.0.min(self.share.1)
+        self.fraction.0.min(self.fraction.1)
     }
 
     /// The window that starts at `start`, in fractions of the picture.
     fn window(&self, start: f64) -> Rect {
         let min = if self.along_x() { Point2::new(start, 0.0) } else { Point2::new(0.0, start) };
-        let max = Point2::new((min.x + self.share.0).min(1.0), (min.y + self.share.1).min(1.0));
+        let max = Point2::new((min.x + self.fraction.0).min(1.0), (min.y + self.fraction.1).min(1.0));
         Rect { min, max }
     }
 
     /// The grid over a window, px.
     fn grid(&self) -> Grid {
-        let (width, height) = (self.source.0 * self.share.0, self.source.1 * self.share.1);
+        let (width, height) = (self.source.0 * self.fraction.0, self.source.1 * self.fraction.1);
         grid_over(width, height, CELLS)
     }
 
@@ -262,15 +262,15 @@ impl ClipGrids {
     }
 
     /// The part of width and height that the window keeps.
-    pub fn share(&self) -> (f64, f64) {
-        self.share
+    pub fn fraction(&self) -> (f64, f64) {
+        self.fraction
     }
 
     /// The grid of a frame; beyond the last shot, that of its end.
     pub fn frame(&self, frame: usize) -> FrameGrid {
         let at = self.shots.partition_point(|s| s.frames.end <= frame).min(self.shots.len().saturating_sub(1));
         let out = (self.out.0 as f64, self.out.1 as f64);
-        let shape = Shape { source: self.source, out, share: self.share };
+        let shape = Shape { source: self.source, out, fraction: self.fraction };
         let grid = shape.grid();
         let (start, columns, rows) = match self.shots.get(at) {
             Some(shot) if !shot.knots.is_empty() => shot.at(frame),

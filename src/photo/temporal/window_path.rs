@@ -11,7 +11,7 @@
 //! moves within a dead zone, smooth otherwise,
 //!
 //! ```text
-//! min  Σ_k e_k²  +  τ² Σ |c'|² ε  +  τ⁴ Σ |c''|²      s.t.  |c_k − p_k| ≤ δ + e_k,   0 ≤ c_k ≤ 1 − share,   |c'| ≤ v.
+//! min  Σ_k e_k²  +  τ² Σ |c'|² ε  +  τ⁴ Σ |c''|²      s.t.  |c_k − p_k| ≤ δ + e_k,   0 ≤ c_k ≤ 1 − fraction,   |c'| ≤ v.
 //! ```
 //!
 //! Positions are in fractions of the picture, times in seconds.
@@ -39,17 +39,17 @@ pub(super) struct WindowScores {
 }
 
 impl WindowScores {
-    /// Of the importance of strips along the axis, of which a window keeps `share`. Importance in the window's middle
+    /// Of the importance of strips along the axis, of which a window keeps `fraction`. Importance in the window's middle
     /// counts in full, at its border [`BORDER_WEIGHT`] of it, so that subjects are centered.
-    pub(super) fn new(profile: &[f64], share: f64) -> Self {
+    pub(super) fn new(profile: &[f64], fraction: f64) -> Self {
         let n = profile.len() as f64;
-        let starts = ((1.0 - share) * n).round() as usize + 1;
+        let starts = ((1.0 - fraction) * n).round() as usize + 1;
         let total: f64 = profile.iter().sum();
-        let apart = apart(starts, share);
+        let apart = apart(starts, fraction);
         let worth = |p: usize| {
-            let center = p as f64 * apart + 0.5 * share;
+            let center = p as f64 * apart + 0.5 * fraction;
             let weight = |strip: usize| {
-                let off = ((strip as f64 + 0.5) / n - center).abs() / (0.5 * share);
+                let off = ((strip as f64 + 0.5) / n - center).abs() / (0.5 * fraction);
                 if off <= 1.0 { 1.0 - (1.0 - BORDER_WEIGHT) * off * off } else { 0.0 }
             };
             let inside: f64 = profile.iter().enumerate().map(|(strip, v)| v * weight(strip)).sum();
@@ -61,25 +61,25 @@ impl WindowScores {
     }
 }
 
-/// Distance of neighboring starts, given their number, from 0 to `1 − share`.
-fn apart(starts: usize, share: f64) -> f64 {
-    if starts > 1 { (1.0 - share) / (starts - 1) as f64 } else { 0.0 }
+/// Distance of neighboring starts, given their number, from 0 to `1 − fraction`.
+fn apart(starts: usize, fraction: f64) -> f64 {
+    if starts > 1 { (1.0 - fraction) / (starts - 1) as f64 } else { 0.0 }
 }
 
-/// Starts of the window at each moment, in `[0, 1 − share]`.
+/// Starts of the window at each moment, in `[0, 1 − fraction]`.
 pub(super) fn window_path(
     sights: &[WindowScores],
     times_s: &[f64],
-    share: f64,
+    fraction: f64,
     run: &Run,
 ) -> Result<Vec<f64>, QpError> {
-    let strips = apart(sights[0].worth.len(), share);
+    let strips = apart(sights[0].worth.len(), fraction);
     let wanted: Vec<f64> =
-        course(sights, times_s, strips).into_iter().map(|p| (p as f64 * strips).min(1.0 - share)).collect();
+        course(sights, times_s, strips).into_iter().map(|p| (p as f64 * strips).min(1.0 - fraction)).collect();
     if wanted.iter().all(|w| *w == wanted[0]) {
         return Ok(wanted);
     }
-    smooth(&wanted, times_s, share, run)
+    smooth(&wanted, times_s, fraction, run)
 }
 
 /// The course worth most, as indices of starts that lie `apart`.
@@ -123,16 +123,16 @@ fn lasting(times_s: &[f64], k: usize) -> f64 {
 }
 
 /// The smooth path near the target.
-fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<f64>, QpError> {
+fn smooth(wanted: &[f64], times_s: &[f64], fraction: f64, run: &Run) -> Result<Vec<f64>, QpError> {
     let n = wanted.len();
     // Unknowns: the path, then its deviation beyond the dead zone; both in widths of the window.
     let (c, e) = (Affine::var, |k: usize| Affine::var(n + k));
-    let (most, free) = ((1.0 - share) / share, DEAD_ZONE);
+    let (most, free) = ((1.0 - fraction) / fraction, DEAD_ZONE);
     let mut qp = QuadraticProgram::new(2 * n);
     let step = |k: usize| (times_s[k + 1] - times_s[k]).max(1e-3);
     let speed = |k: usize| (1.0 / step(k)) * (c(k + 1) - c(k));
     for (k, wanted) in wanted.iter().enumerate() {
-        let target = Affine::constant(wanted / share);
+        let target = Affine::constant(wanted / fraction);
         qp.add_square(lasting(times_s, k), e(k));
         qp.require_at_most_zero(c(k) - target.clone() - e(k) - Affine::constant(free));
         qp.require_at_most_zero(target - c(k) - e(k) - Affine::constant(free));
@@ -141,7 +141,7 @@ fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<
         qp.require_at_most_zero(c(k) - Affine::constant(most));
     }
     for k in 0..n - 1 {
-        let way = MAX_SPEED / share * step(k);
+        let way = MAX_SPEED / fraction * step(k);
         qp.add_square(SPEED_WEIGHT * TIME_CONSTANT_S.powi(2) * step(k), speed(k));
         qp.require_at_most_zero(c(k + 1) - c(k) - Affine::constant(way));
         qp.require_at_most_zero(c(k) - c(k + 1) - Affine::constant(way));
@@ -151,5 +151,5 @@ fn smooth(wanted: &[f64], times_s: &[f64], share: f64, run: &Run) -> Result<Vec<
         qp.add_square(TIME_CONSTANT_S.powi(4) * lasts, (1.0 / lasts) * (speed(k) - speed(k - 1)));
     }
     let solved = qp.solve(run)?;
-    Ok(solved[..n].iter().map(|c| (c * share).clamp(0.0, 1.0 - share)).collect())
+    Ok(solved[..n].iter().map(|c| (c * fraction).clamp(0.0, 1.0 - fraction)).collect())
 }

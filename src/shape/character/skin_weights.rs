@@ -21,7 +21,7 @@ pub struct Normalization {
     /// Vertices whose weights did not sum to 1.
     pub changed: usize,
     /// Largest deviation of a sum from 1, signed.
-    pub farthest: f64,
+    pub max_deviation: f64,
     /// Vertices without weights that were assigned to the fallback joint.
     pub weightless: usize,
 }
@@ -78,8 +78,8 @@ impl SkinWeights {
             if (sum - 1.0).abs() > SUM_TOLERANCE {
                 report.changed += 1;
             }
-            if (sum - 1.0).abs() > report.farthest.abs() {
-                report.farthest = sum - 1.0;
+            if (sum - 1.0).abs() > report.max_deviation.abs() {
+                report.max_deviation = sum - 1.0;
             }
             for i in row.iter_mut() {
                 i.weight /= sum;
@@ -145,13 +145,13 @@ impl SkinWeights {
         self.rows().map(|r| r.iter().map(|i| i.weight).sum())
     }
 
-    /// Drops weights below `least` (the largest of a vertex always stays) and renormalizes.
+    /// Drops weights below `min_weight` (the largest of a vertex always stays) and renormalizes.
     ///
     /// # Errors
-    /// [`CharacterError::Option`] if `least` is outside 0 .. 1.
-    pub fn pruned(&self, least: f64) -> Result<Self, CharacterError> {
-        OptionError::check((0.0..1.0).contains(&least), "least weight", least, "0 or more, below 1")?;
-        let stays = |&(k, i): &(usize, &Influence)| k == 0 || i.weight >= least;
+    /// [`CharacterError::Option`] if `min_weight` is outside 0 .. 1.
+    pub fn pruned(&self, min_weight: f64) -> Result<Self, CharacterError> {
+        OptionError::check((0.0..1.0).contains(&min_weight), "min_weight", min_weight, "0 or more, below 1")?;
+        let stays = |&(k, i): &(usize, &Influence)| k == 0 || i.weight >= min_weight;
         Ok(self.kept(|row| row.iter().enumerate().filter(stays).map(|(_, i)| *i).collect()))
     }
 

@@ -4,7 +4,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::held::{FIXED, Held};
+use super::components::{FIXED, Held};
 use super::lanes::Lanes;
 use super::{
     DeformOptions, DeformReport, Deformation, DistortionMetrics, HandlePose, Handles, InitialGuess, Stop, SurfaceError,

@@ -8,7 +8,7 @@
 //! All three coordinates share the factor, which depends on the mesh and on the set of constraints. A solve costs two
 //! triangular substitutions.
 
-use super::held::Held;
+use super::components::Held;
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
 use plumbline_num::energy::{ConstrainedLaplacian, FIXED, FactoredLaplacian};

@@ -9,12 +9,12 @@
 
 mod arap;
 mod bound;
+mod components;
 mod deformer;
 mod detail_preserving;
 mod error;
 pub mod handle_file;
 mod handles;
-mod held;
 mod held_laplacian;
 pub mod hierarchy;
 mod lanes;
@@ -33,11 +33,11 @@ mod test_meshes;
 mod tests;
 
 pub use crate::mesh::operators::CotangentRule;
+pub use components::{Component, Unconstrained};
 pub use deformer::{DeformOptions, Deformation, Deformer, InitialGuess, Method, Solver, deform};
 pub use detail_preserving::{DetailPreserving, LaplacianKind};
 pub use error::SurfaceError;
 pub use handles::{Constraint, HandlePose, Handles};
-pub use held::{Component, Unconstrained};
 pub use hierarchy::{Hierarchy, LevelPose};
 pub use laplacian_editing::RotationEstimation;
 pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modal_initial_guess, modes, parts};

@@ -20,8 +20,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::SurfaceError;
 use super::bound::Bound;
+use super::components::FIXED;
 use super::detail_preserving::{DetailPreserving, laplacian};
-use super::held::FIXED;
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
 use plumbline_num::run::Run;

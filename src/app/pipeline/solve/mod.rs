@@ -346,7 +346,7 @@ fn draw(path: &Path, structures: &Structures<'_>) -> Result<(), RunError> {
 /// Writes under a temporary name, then gives the file its own.
 fn write(path: &Path, fill: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> Result<(), RunError> {
     let cannot = |e: std::io::Error| RunError::Output(format!("{}: cannot be written: {e}", path.display()));
-    let unfinished = AtomicFile::beside(path).map_err(cannot)?;
+    let unfinished = AtomicFile::next_to(path).map_err(cannot)?;
     let mut file = std::fs::File::options().write(true).open(unfinished.path()).map_err(cannot)?;
     fill(&mut file).map_err(cannot)?;
     unfinished.publish(path).map_err(cannot)

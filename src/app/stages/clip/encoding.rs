@@ -118,7 +118,7 @@ fn sinks(
     let sink = |&stage: &usize| {
         let no_encode = || RunError::Internal(format!("`{}` writes no file", context.stage(stage).name));
         let settings = context.stage(stage).settings.get::<EncodeSettings>().ok_or_else(no_encode)?;
-        let companions = match context.edge(stage, "audio").map(|e| e.from) {
+        let passthrough = match context.edge(stage, "audio").map(|e| e.from) {
             None => PassthroughStreams::None,
             Some(from) if from == source => PassthroughStreams::OfSource,
             Some(from) => match others.iter().find(|(at, _)| *at == from) {
@@ -126,7 +126,7 @@ fn sinks(
                 None => return Err(RunError::Internal(format!("`{}` is not open", context.stage(from).name))),
             },
         };
-        Sink::create(settings, context.job, input, video, companions, context.edge(stage, "beside").is_some())
+        Sink::create(settings, context.job, input, video, passthrough, context.edge(stage, "side_by_side").is_some())
     };
     let encodes = stages.iter().filter(|s| context.stage(**s).settings.get::<EncodeSettings>().is_some());
     encodes.map(sink).collect()

@@ -1,4 +1,4 @@
-//! What the kinds of clips share: the stream from the decoder to the encoders, and the maps that its frames pass through.
+//! What the kinds of clips fraction: the stream from the decoder to the encoders, and the maps that its frames pass through.
 
 pub(crate) mod chain;
 pub(crate) mod encoding;

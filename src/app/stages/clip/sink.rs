@@ -31,20 +31,20 @@ pub(crate) struct Branch {
 }
 
 impl Sink {
-    /// Starts the file that `settings` ask for, with `companions` beside the pictures; `beside`: with the original at the
+    /// Starts the file that `settings` ask for, with `passthrough` beside the pictures; `beside`: with the original at the
     /// result's side.
     pub(crate) fn create(
         settings: &EncodeSettings,
         job: &Job<'_>,
         source: &Input,
         video: &VideoInfo,
-        companions: PassthroughStreams,
+        passthrough: PassthroughStreams,
         beside: bool,
     ) -> Result<Self, RunError> {
         let output = Output::parse(&settings.path);
         let beside = beside.then(|| SideBySide::of(video));
         let video = beside.map_or_else(|| video.clone(), |b| b.video(video));
-        let options = WriteOptions { companions, ..write_options(settings, job) };
+        let options = WriteOptions { passthrough, ..write_options(settings, job) };
         let writer = VideoWriter::create(&output, source, &video, &options).map_err(media_error)?;
         Ok(Self { output, size: (video.width, video.height), beside, writer })
     }
@@ -108,6 +108,6 @@ fn write_options(settings: &EncodeSettings, job: &Job<'_>) -> WriteOptions {
         threads: job.threads,
         overwrite: job.overwrite,
         strict: settings.strict,
-        companions: PassthroughStreams::None,
+        passthrough: PassthroughStreams::None,
     }
 }

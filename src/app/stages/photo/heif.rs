@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::media_error;
 use plumbline_image::rgb_frame;
-use plumbline_image::still::{ExifTags, LoadOptions, Photo, Turn, exif_of_container, turned};
+use plumbline_image::still::{ExifOrientation, ExifTags, LoadOptions, Photo, exif_of_container, oriented};
 use plumbline_media::{Input, ReadOptions, VideoReader};
 
 /// Most bytes of a file's head that are searched for its items.
@@ -34,9 +34,9 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
     }
     // The picture, upright.
     let quarters = (info.rotation_deg / 90.0).round().rem_euclid(4.0) as u32;
-    let turn = Turn::of_display(quarters, info.mirrored);
+    let turn = ExifOrientation::of_display(quarters, info.mirrored);
     let frame = reader.next_frame().map_err(media_error)?.ok_or_else(|| bad("no picture in it"))?;
-    let frame = rgb_frame(&frame).and_then(|f| turned(&f, turn));
+    let frame = rgb_frame(&frame).and_then(|f| oriented(&f, turn));
     let frame = frame.ok_or_else(|| bad("its pixels are of a kind that is not read here"))?;
     // Its metadata, and what is lost.
     let file = File::open(path).ok();

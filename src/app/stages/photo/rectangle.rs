@@ -57,7 +57,7 @@ pub(crate) fn make(
     // The summary and the report.
     report_lines(context, &made.warp.lines);
     let mut report = Map::new();
-    report.insert("inside".into(), json!(outline.share()));
+    report.insert("inside".into(), json!(outline.inside_fraction()));
     report.insert("stretch".into(), json!(made.stretch));
     report.insert("outside_shown".into(), json!(made.outside));
     report.insert("faces".into(), faces.len().into());

@@ -206,8 +206,8 @@ impl Clip {
 /// Those of [`RotationKeys::new`].
 pub fn rotations(
     times: Vec<f64>,
-    turns: &[UnitQuaternion<f64>],
+    rotations: &[UnitQuaternion<f64>],
     interpolation: Interpolation<4>,
 ) -> Result<RotationKeys, ClipError> {
-    RotationKeys::new(Keys::new(times, turns.iter().map(|q| q.coords.into()).collect(), interpolation)?)
+    RotationKeys::new(Keys::new(times, rotations.iter().map(|q| q.coords.into()).collect(), interpolation)?)
 }

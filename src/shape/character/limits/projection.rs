@@ -23,13 +23,13 @@ impl Limits {
     }
 
     /// Swing–twist decomposition: the twist in −π ..= π, the swing of norm at most π.
-    pub fn split(&self, turn: &UnitQuaternion<f64>) -> SwingTwist {
-        let (w, along) = (turn.w, turn.imag().dot(&self.axis));
+    pub fn split(&self, rotation: &UnitQuaternion<f64>) -> SwingTwist {
+        let (w, along) = (rotation.w, rotation.imag().dot(&self.axis));
         // For a half rotation about a perpendicular axis the twist is undetermined: choose 0.
         let length = w.hypot(along);
         let (w, along) = if length > 1e-12 { (w / length, along / length) } else { (1.0, 0.0) };
         let twist = UnitQuaternion::new_unchecked(nalgebra::Quaternion::from_parts(w, self.axis.into_inner() * along));
-        let swing = turn * twist.inverse();
+        let swing = rotation * twist.inverse();
         // q and −q are the same rotation: take the one with the smaller angle.
         let swing =
             if swing.w < 0.0 { UnitQuaternion::new_unchecked(-swing.into_inner()) } else { swing }.scaled_axis();
@@ -57,15 +57,15 @@ impl Limits {
     }
 
     /// Whether a rotation from rest is within the limits, up to `tolerance` rad.
-    pub fn allows(&self, turn: &UnitQuaternion<f64>, tolerance: f64) -> bool {
-        self.excess(&self.split(turn)) <= tolerance
+    pub fn allows(&self, rotation: &UnitQuaternion<f64>, tolerance: f64) -> bool {
+        self.excess(&self.split(rotation)) <= tolerance
     }
 
-    /// The nearest allowed rotation from rest, in coordinates; `turn` itself, bit for bit, if it is allowed.
-    pub fn project(&self, turn: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        let at = self.split(turn);
+    /// The nearest allowed rotation from rest, in coordinates; `rotation` itself, bit for bit, if it is allowed.
+    pub fn project(&self, rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        let at = self.split(rotation);
         let nearest = self.nearest(&at);
-        if nearest == at { *turn } else { self.rotation(&nearest) }
+        if nearest == at { *rotation } else { self.rotation(&nearest) }
     }
 
     /// The nearest allowed coordinates.
@@ -119,9 +119,9 @@ mod tests {
 
     #[test]
     fn swing_twist_coordinates_round_trip() {
-        for turn in some_turns() {
-            let at = limits().split(&turn);
-            assert!(limits().rotation(&at).angle_to(&turn) < 1e-7, "{turn}");
+        for rotation in some_turns() {
+            let at = limits().split(&rotation);
+            assert!(limits().rotation(&at).angle_to(&rotation) < 1e-7, "{rotation}");
             assert!(at.twist.abs() <= std::f64::consts::PI && at.swing.norm() <= std::f64::consts::PI + 1e-12);
         }
         let at = SwingTwist { swing: Vector2::new(0.5, -1.2), twist: 2.0 };
@@ -132,14 +132,14 @@ mod tests {
     #[test]
     fn the_projection_is_allowed_and_no_allowed_rotation_is_nearer() {
         let limits = limits();
-        for turn in some_turns() {
-            let at = limits.split(&turn);
+        for rotation in some_turns() {
+            let at = limits.split(&rotation);
             let near = limits.nearest(&at);
             assert!((near.swing.x / 0.9).powi(2) + (near.swing.y / 0.4).powi(2) <= 1.0 + 1e-12);
             assert!((-0.2..=0.7).contains(&near.twist));
-            assert!(limits.allows(&limits.project(&turn), 1e-9), "{turn}");
-            if limits.allows(&turn, 0.0) {
-                assert_eq!(limits.project(&turn), turn);
+            assert!(limits.allows(&limits.project(&rotation), 1e-9), "{rotation}");
+            if limits.allows(&rotation, 0.0) {
+                assert_eq!(limits.project(&rotation), rotation);
             }
             for k in 0..720 {
                 let angle = f64::from(k).to_radians() * 0.5;
@@ -153,8 +153,8 @@ mod tests {
     fn a_hinge_keeps_its_axis() {
         let axis = Vector3::x_axis();
         let knee = Limits { axis: Vector3::y_axis(), across: axis, swing: [1.5, 0.0], twist: [0.0, 0.0] };
-        for turn in some_turns() {
-            let allowed = knee.project(&turn).scaled_axis();
+        for rotation in some_turns() {
+            let allowed = knee.project(&rotation).scaled_axis();
             assert!(allowed.yz().norm() < 1e-12 && allowed.x.abs() <= 1.5 + 1e-12);
         }
         let bent = UnitQuaternion::from_scaled_axis(Vector3::x() * 0.7);

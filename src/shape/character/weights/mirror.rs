@@ -28,7 +28,7 @@ pub struct MirrorReport {
     /// Vertices in the plane, whose weights were made symmetric.
     pub evened: usize,
     /// Largest distance of a mirrored vertex from the vertex whose weights it took, units of the model.
-    pub farthest: f64,
+    pub max_deviation: f64,
 }
 
 impl SkinWeights {
@@ -64,7 +64,7 @@ impl SkinWeights {
                 return own().collect();
             };
             report.changed += 1;
-            report.farthest = report.farthest.max(d2.sqrt());
+            report.max_deviation = report.max_deviation.max(d2.sqrt());
             self.row(kept[nearest as usize]).iter().map(|i| image((i.joint, i.weight))).collect()
         };
         let rows: Vec<_> = mesh.positions().iter().enumerate().map(row).collect();

@@ -65,7 +65,7 @@ pub struct WeightOptions {
     pub influences: usize,
     /// Weights below this are dropped, 0 or more and below 1.
     #[serde(skip)]
-    pub least: f64,
+    pub min_weight: f64,
     /// Laplacian smoothing iterations after the weights are found. Raise it if bends show creases.
     #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 1000)))]
     pub smooth: usize,
@@ -73,7 +73,7 @@ pub struct WeightOptions {
 
 impl Default for WeightOptions {
     fn default() -> Self {
-        Self { method: WeightMethod::Heat, influences: 4, least: 1e-3, smooth: 0 }
+        Self { method: WeightMethod::Heat, influences: 4, min_weight: 1e-3, smooth: 0 }
     }
 }
 
@@ -89,7 +89,7 @@ pub struct WeightReport {
     /// Whether no component saw a bone, so that all vertices are weighted by distance.
     pub by_distance: bool,
     /// Joints with bones that influence no vertex.
-    pub idle_joints: Vec<u32>,
+    pub unused_joints: Vec<u32>,
     /// Solver iterations; 0 for direct methods.
     pub iterations: usize,
     /// Residual of the iterative solver: largest difference of its two copies of the weights, 0 to 1.
@@ -107,7 +107,12 @@ pub fn bone_weights(
     run: &Run,
 ) -> Result<(SkinWeights, WeightReport), CharacterError> {
     OptionError::check(options.influences > 0, "influences", 0.0, "1 or more")?;
-    OptionError::check((0.0..1.0).contains(&options.least), "least weight", options.least, "0 or more, below 1")?;
+    OptionError::check(
+        (0.0..1.0).contains(&options.min_weight),
+        "min_weight",
+        options.min_weight,
+        "0 or more, below 1",
+    )?;
     run.check()?;
     let welded = Welded::new(mesh);
     let bones = skeleton.bones();
@@ -123,8 +128,8 @@ pub fn bone_weights(
     let weights = of_welded.gathered(welded.vertex_of());
     let smoothed = if options.smooth > 0 { weights.smoothed(mesh, options.smooth, run)? } else { weights };
     // Dropped weights after the limit are small, so the limit still holds; the reverse order could exceed it.
-    let weights = smoothed.limited(options.influences)?.pruned(options.least)?;
-    report.idle_joints = idle(&weights, bones.iter().map(|b| b.joint));
+    let weights = smoothed.limited(options.influences)?.pruned(options.min_weight)?;
+    report.unused_joints = idle(&weights, bones.iter().map(|b| b.joint));
     Ok((weights, report))
 }
 

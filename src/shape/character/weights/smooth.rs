@@ -13,7 +13,7 @@ impl SkinWeights {
     ///
     /// # Errors
     /// [`CharacterError::PerVertex`] for another mesh.
-    pub fn smoothed(&self, mesh: &TriMesh, rounds: usize, run: &Run) -> Result<Self, CharacterError> {
+    pub fn smoothed(&self, mesh: &TriMesh, iterations: usize, run: &Run) -> Result<Self, CharacterError> {
         let (given, vertices) = (self.vertex_count(), mesh.vertex_count());
         CharacterError::check_per_vertex("rows of weights", given, vertices)?;
         let mut neighbors = vec![Vec::new(); vertices];
@@ -22,7 +22,7 @@ impl SkinWeights {
             neighbors[j as usize].push(i as usize);
         }
         let mut weights = self.clone();
-        for _ in 0..rounds {
+        for _ in 0..iterations {
             run.check()?;
             let row = |(v, around): (usize, &Vec<usize>)| {
                 let mut sum: BTreeMap<u32, f64> = BTreeMap::new();

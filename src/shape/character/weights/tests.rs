@@ -57,7 +57,7 @@ fn weights_are_a_partition_that_follows_the_bones() {
 fn a_symmetric_rig_gives_symmetric_weights() {
     let (mesh, skeleton) = limb();
     for method in METHODS {
-        let all = WeightOptions { influences: 8, least: 0.0, ..options(method) };
+        let all = WeightOptions { influences: 8, min_weight: 0.0, ..options(method) };
         let (weights, _) = bone_weights(&mesh, &skeleton, &all, &Run::default()).expect("found");
         let rings = mesh.vertex_count() / 24;
         for v in 0..mesh.vertex_count() {
@@ -174,7 +174,7 @@ fn without_visibility_distance_decides_and_idle_joints_are_reported() {
         bone_weights(&nested, &skeleton, &options(WeightMethod::Heat), &Run::default()).expect("found");
     assert_eq!((report.components, report.borrowed_components), (2, 0), "its ends are open: it sees bones there");
     assert!(weights.sums().all(|s| (s - 1.0).abs() < 1e-12));
-    assert_eq!(report.idle_joints, [4]);
+    assert_eq!(report.unused_joints, [4]);
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn mirroring_carries_weights_to_the_joints_of_the_other_side() {
     let (even, report) = weights.mirrored(&mesh, &mirroring).expect("fits");
     assert_eq!((even.weight(2, 2), even.weight(2, 1), even.weight(0, 0)), (0.7, 0.3, 0.7));
     assert_eq!((even.weight(1, 0), even.weight(1, 1), even.weight(1, 2)), (0.25, 0.5, 0.25));
-    assert!(report.changed == 1 && report.evened == 1 && (report.farthest - 0.01).abs() < 1e-12);
+    assert!(report.changed == 1 && report.evened == 1 && (report.max_deviation - 0.01).abs() < 1e-12);
     for (name, other) in
         [("LeftHand", "RightHand"), ("hand_r", "hand_l"), ("r_wrist", "l_wrist"), ("thighRight", "thighLeft")]
     {
@@ -226,7 +226,7 @@ fn mirroring_carries_weights_to_the_joints_of_the_other_side() {
 #[test]
 fn bounded_weights_converge_and_are_smoother_than_heat_at_the_same_bounds() {
     let (mesh, skeleton) = limb();
-    let all = |method| WeightOptions { influences: 8, least: 0.0, ..options(method) };
+    let all = |method| WeightOptions { influences: 8, min_weight: 0.0, ..options(method) };
     let (bounded, report) =
         bone_weights(&mesh, &skeleton, &all(WeightMethod::BoundedBiharmonic), &Run::default()).expect("found");
     assert!(report.residual < 1e-4 && report.iterations < 400, "{report:?}");
@@ -241,7 +241,7 @@ fn bounded_weights_of_bones_far_shorter_than_the_model_converge_too() {
     let (mesh, _, _) = tube(3, 8, 600);
     let thin = mesh.positions().iter().map(|p| Point3::new(p.x, 0.02 * p.y, 0.02 * p.z)).collect();
     let joints: Vec<[f64; 3]> = (0..90).map(|k| [0.1 * f64::from(k), 0.0, 0.0]).collect();
-    let all = WeightOptions { influences: 8, least: 0.0, ..options(WeightMethod::BoundedBiharmonic) };
+    let all = WeightOptions { influences: 8, min_weight: 0.0, ..options(WeightMethod::BoundedBiharmonic) };
     let (_, report) = bone_weights(&mesh.with_positions(thin).expect("finite"), &chain(&joints), &all, &Run::default())
         .expect("found");
     assert!(report.residual < 1e-4, "{report:?}");
@@ -268,5 +268,5 @@ fn options_out_of_range_are_rejected() {
     let refused =
         |o: WeightOptions| bone_weights(&mesh, &skeleton, &o, &Run::default()).expect_err("refused").to_string();
     assert!(refused(WeightOptions { influences: 0, ..Default::default() }).contains("influences 0"));
-    assert!(refused(WeightOptions { least: f64::NAN, ..Default::default() }).contains("least weight NaN"));
+    assert!(refused(WeightOptions { min_weight: f64::NAN, ..Default::default() }).contains("least weight NaN"));
 }

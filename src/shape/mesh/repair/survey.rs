@@ -22,7 +22,7 @@ pub struct MeshFacts {
     /// Edges with more than two.
     pub non_manifold_edges: usize,
     /// Edges with two triangles that are oriented differently.
-    pub turned_edges: usize,
+    pub inconsistent_edges: usize,
     /// Connected components by shared vertices.
     pub components: usize,
     /// V − E + F, of the vertices that triangles name.
@@ -50,7 +50,9 @@ impl MeshFacts {
             facts.edges += 1;
             match edge {
                 [_] => facts.boundary_edges += 1,
-                [(_, g), (_, h)] => facts.turned_edges += usize::from(origins[*g as usize] == origins[*h as usize]),
+                [(_, g), (_, h)] => {
+                    facts.inconsistent_edges += usize::from(origins[*g as usize] == origins[*h as usize])
+                }
                 _ => facts.non_manifold_edges += 1,
             }
         }
@@ -60,7 +62,8 @@ impl MeshFacts {
         facts.euler = named.cast_signed() - facts.edges.cast_signed() + facts.triangles.cast_signed();
         (facts.low, facts.high) = mesh.bounding_box().map(|(low, high)| (low.into(), high.into())).unzip();
         facts.area = mesh.area();
-        let closed = facts.boundary_edges + facts.non_manifold_edges + facts.turned_edges == 0 && facts.triangles > 0;
+        let closed =
+            facts.boundary_edges + facts.non_manifold_edges + facts.inconsistent_edges == 0 && facts.triangles > 0;
         facts.volume = closed.then(|| mesh.volume());
         (facts.obtuse_corners, facts.negative_weights) = negative_cotangents(mesh);
         facts
@@ -72,7 +75,7 @@ impl fmt::Display for MeshFacts {
         writeln!(f, "{} vertices, {} triangles, {} edges", self.vertices, self.triangles, self.edges)?;
         let s = if self.components == 1 { "" } else { "s" };
         write!(f, "{} component{s}, Euler number {}", self.components, self.euler)?;
-        match (self.boundary_edges, self.non_manifold_edges, self.turned_edges) {
+        match (self.boundary_edges, self.non_manifold_edges, self.inconsistent_edges) {
             (0, 0, 0) => writeln!(f, ", closed and oriented")?,
             (open, crowded, turned) => {
                 writeln!(

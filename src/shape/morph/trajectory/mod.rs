@@ -60,12 +60,12 @@ pub struct TrajectoryOptions {
     pub iterations: usize,
     /// Full turns added to the global rotation; -1 turns 90 degrees into 270 degrees in the opposite direction.
     #[cfg_attr(feature = "schema", schemars(range(min = -100, max = 100)))]
-    pub whole_turns: i32,
+    pub full_rotations: i32,
 }
 
 impl Default for TrajectoryOptions {
     fn default() -> Self {
-        Self { iterations: 10, whole_turns: 0 }
+        Self { iterations: 10, full_rotations: 0 }
     }
 }
 
@@ -99,7 +99,7 @@ impl Trajectory {
     pub fn new(first: &TriMesh, second: &TriMesh, options: &TrajectoryOptions, run: &Run) -> Result<Self, MorphError> {
         same_connectivity(first, second)?;
         let weights = area_fractions(first, second);
-        let motion = global_motion(first, second, &weights, options.whole_turns);
+        let motion = global_motion(first, second, &weights, options.full_rotations);
         let aligned: Vec<_> = second.positions().iter().map(|p| motion.inverse(p)).collect();
         let triangles = first.triangles().to_vec();
         let frames_of = |x: &[Point3<f64>]| triangles.iter().map(|t| Frame::new(&t.map(|v| x[v as usize]))).collect();
@@ -312,11 +312,11 @@ fn mean_weights(first: &TriMesh, second: &TriMesh) -> Vec<[f64; 3]> {
 }
 
 /// The best rigid motion between the poses, with additional full turns.
-fn global_motion(first: &TriMesh, second: &TriMesh, weights: &[f64], whole_turns: i32) -> Screw {
+fn global_motion(first: &TriMesh, second: &TriMesh, weights: &[f64], full_rotations: i32) -> Screw {
     let (a, b) = (first.positions(), second.positions());
     let (nearest, rank) = nearest_similarity(a, b, weights, false);
     let turn = if rank > 1 { nearest.isometry.rotation.scaled_axis() } else { Vector3::zeros() };
     let axis = turn.try_normalize(1e-12).unwrap_or_else(Vector3::y);
-    let turn = turn + axis * (f64::from(whole_turns) * TAU);
+    let turn = turn + axis * (f64::from(full_rotations) * TAU);
     Screw::new(turn, centroid(a, weights), centroid(b, weights))
 }

@@ -34,12 +34,12 @@ fn twisted(angle: f64, bend: f64) -> (TriMesh, TriMesh) {
 fn rotations_by_any_angle_are_interpolated_as_rotations() {
     let mesh = shapes::cactus(10);
     let axis = Vector3::new(0.3, -1.0, 0.6).normalize();
-    for (degrees, whole_turns) in [(170.0, 0), (270.0, -1), (20.0, 0), (-170.0, 0), (400.0, 1)] {
+    for (degrees, full_rotations) in [(170.0, 0), (270.0, -1), (20.0, 0), (-170.0, 0), (400.0, 1)] {
         for pivot in [Point3::origin(), Point3::new(3.0, -1.0, 2.0)] {
             let turn = axis * f64::to_radians(degrees);
             let second = turned(&mesh, turn, pivot);
             // 270° is −90°, whose axis points the other way, and one turn against it.
-            let options = TrajectoryOptions { whole_turns, ..Default::default() };
+            let options = TrajectoryOptions { full_rotations, ..Default::default() };
             let mut trajectory = Trajectory::new(&mesh, &second, &options, &Run::default()).unwrap();
             for time in [0.25, 0.5, 0.9] {
                 let expected = turned(&mesh, turn * time, pivot);
@@ -85,7 +85,7 @@ fn the_path_is_symmetric_in_the_two_poses() {
 fn a_bar_twisted_by_540_degrees_is_half_as_twisted_at_half_time() {
     let (first, second) = twisted(3.0 * PI, 0.0);
     let mut trajectory =
-        Trajectory::new(&first, &second, &TrajectoryOptions { iterations: 0, whole_turns: 0 }, &Run::default())
+        Trajectory::new(&first, &second, &TrajectoryOptions { iterations: 0, full_rotations: 0 }, &Run::default())
             .unwrap();
     let middle = trajectory.at(0.5, &Run::default()).expect("a run that never stops");
     let linear = trajectory.linear(0.5);
@@ -107,7 +107,7 @@ fn the_energy_decreases_with_the_iterations() {
         let mut last = f64::INFINITY;
         for iterations in [0, 1, 2, 5, 20, 60] {
             let mut trajectory =
-                Trajectory::new(&first, &second, &TrajectoryOptions { iterations, whole_turns: 0 }, &Run::default())
+                Trajectory::new(&first, &second, &TrajectoryOptions { iterations, full_rotations: 0 }, &Run::default())
                     .unwrap();
             let x = trajectory.at(time, &Run::default()).expect("a run that never stops");
             let energy = trajectory.energy(time, &x);
@@ -206,7 +206,7 @@ fn iterations_keep_the_centroid_and_the_global_rotation() {
     let carried = second.positions().iter().map(|p| p + Vector3::new(7.0, -2.0, 1.0)).collect();
     let second = second.with_positions(carried).unwrap();
     let shape = |iterations: usize, time: f64| {
-        let options = TrajectoryOptions { iterations, whole_turns: 0 };
+        let options = TrajectoryOptions { iterations, full_rotations: 0 };
         let mut trajectory = Trajectory::new(&first, &second, &options, &Run::default()).unwrap();
         let wanted = centroid(&trajectory.guess(&vec![time; first.vertex_count()]), &trajectory.weights);
         let x = trajectory.at(time, &Run::default()).expect("a run that never stops");

@@ -6,7 +6,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::super::SurfaceError;
 use super::super::bound::Bound;
-use super::super::held::Held;
+use super::super::components::Held;
 use super::super::held_laplacian::HeldLaplacian;
 use super::super::lanes::{self, Kernel, Lanes};
 use super::cells::{CellKind, Cells};

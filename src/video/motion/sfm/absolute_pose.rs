@@ -9,7 +9,7 @@
 
 use nalgebra::{Matrix2x3, Matrix6, SMatrix, Vector6};
 
-use super::three_point::{Sighting, three_point};
+use super::three_point::{PointRay, three_point};
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::optim::ransac::{Consensus, MsacOptions, Solution, msac};
 use plumbline_num::run::{Run, Stopped};
@@ -19,25 +19,25 @@ const REFIT_STEPS: usize = 4;
 
 /// The pose `cam_from_world` of least truncated squared reprojection error, in units of normalized image coordinates.
 ///
-/// `start`, where given, competes with the sampled poses. `None` where fewer than three sightings carry weight or none of the
+/// `initial`, where given, competes with the sampled poses. `None` where fewer than three points carry weight or none of the
 /// samples determines a pose.
 ///
 /// # Errors
 /// [`Stopped`].
 pub fn absolute_pose(
-    sightings: &[Sighting],
+    points: &[PointRay],
     weights: &[f64],
     options: &MsacOptions,
-    start: Option<CameraPose>,
+    initial: Option<CameraPose>,
     rng: &mut fastrand::Rng,
     run: &Run,
 ) -> Result<Option<Solution<CameraPose>>, Stopped> {
-    msac(&BySightings(sightings), weights, options, start, rng, run)
+    msac(&ByPointRays(points), weights, options, initial, rng, run)
 }
 
-struct BySightings<'a>(&'a [Sighting]);
+struct ByPointRays<'a>(&'a [PointRay]);
 
-impl Consensus for BySightings<'_> {
+impl Consensus for ByPointRays<'_> {
     type Model = CameraPose;
 
     fn len(&self) -> usize {
@@ -52,8 +52,8 @@ impl Consensus for BySightings<'_> {
         three_point(&[0, 1, 2].map(|k| self.0[sample[k]]), models);
     }
 
-    fn fit_weighted(&self, weights: &[f64], start: &CameraPose) -> Option<CameraPose> {
-        let mut pose = *start;
+    fn fit_weighted(&self, weights: &[f64], initial: &CameraPose) -> Option<CameraPose> {
+        let mut pose = *initial;
         for _ in 0..REFIT_STEPS {
             let (normal, gradient) = normal_equations(self.0, weights, &pose);
             let step = -normal.cholesky()?.solve(&gradient);
@@ -72,18 +72,18 @@ impl Consensus for BySightings<'_> {
     }
 }
 
-fn normal_equations(sightings: &[Sighting], weights: &[f64], pose: &CameraPose) -> (Matrix6<f64>, Vector6<f64>) {
+fn normal_equations(points: &[PointRay], weights: &[f64], pose: &CameraPose) -> (Matrix6<f64>, Vector6<f64>) {
     let (mut normal, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
-    for (s, &w) in sightings.iter().zip(weights) {
-        let turned: Vec3 = pose.rotation * s.point.coords;
-        let y = turned + pose.translation;
+    for (s, &w) in points.iter().zip(weights) {
+        let rotated: Vec3 = pose.rotation * s.point.coords;
+        let y = rotated + pose.translation;
         if !(w > 0.0 && y.z > 0.0) {
             continue;
         }
         let seen = y.xy() / y.z;
         let by_point = Matrix2x3::new(1.0, 0.0, -seen.x, 0.0, 1.0, -seen.y) / y.z;
         let mut slope = SMatrix::<f64, 2, 6>::zeros();
-        slope.fixed_columns_mut::<3>(0).copy_from(&(-by_point * turned.cross_matrix()));
+        slope.fixed_columns_mut::<3>(0).copy_from(&(-by_point * rotated.cross_matrix()));
         slope.fixed_columns_mut::<3>(3).copy_from(&by_point);
         normal += slope.transpose() * slope * w;
         gradient += slope.transpose() * (seen - s.ray) * w;
@@ -99,9 +99,9 @@ mod tests {
     const SEARCH: MsacOptions =
         MsacOptions { threshold: 2.0 / 576.0, min_samples: 20, max_samples: 500, local_steps: 4 };
 
-    fn sightings(views: &TwoViews) -> Vec<Sighting> {
+    fn points(views: &TwoViews) -> Vec<PointRay> {
         let pairs = views.points.iter().zip(&views.correspondences);
-        pairs.map(|(p, c)| Sighting { point: *p, ray: c.second.xy() }).collect()
+        pairs.map(|(p, c)| PointRay { point: *p, ray: c.second.xy() }).collect()
     }
 
     #[test]
@@ -111,7 +111,7 @@ mod tests {
             let pose = random_pose(&mut rng, 0.5, 1.0);
             let views = TwoViews::general(pose, 150, &mut rng);
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
-            let data = sightings(&views);
+            let data = points(&views);
             let found = absolute_pose(&data, &[1.0; 150], &SEARCH, None, &mut rng, &Run::default())
                 .expect("a run that never stops")
                 .expect("a pose exists");
@@ -125,7 +125,7 @@ mod tests {
     fn exact_data_give_the_exact_pose() {
         let mut rng = fastrand::Rng::with_seed(1);
         let pose = random_pose(&mut rng, 0.5, 1.0);
-        let data = sightings(&TwoViews::general(pose, 30, &mut rng));
+        let data = points(&TwoViews::general(pose, 30, &mut rng));
         let found = absolute_pose(&data, &[1.0; 30], &SEARCH, None, &mut rng, &Run::default())
             .expect("a run that never stops")
             .expect("a pose exists");

@@ -53,8 +53,8 @@ impl Chart<5> for EssentialChart {
     fn tangents(&self) -> [Matrix3<f64>; 5] {
         let (cross, r) = (self.translation.cross_matrix(), self.rotation.matrix());
         let [a, b] = self.sphere_tangents();
-        let turn = |axis: Vec3| cross * axis.cross_matrix() * r;
-        [turn(Vec3::x()), turn(Vec3::y()), turn(Vec3::z()), a.cross_matrix() * r, b.cross_matrix() * r]
+        let angular = |axis: Vec3| cross * axis.cross_matrix() * r;
+        [angular(Vec3::x()), angular(Vec3::y()), angular(Vec3::z()), a.cross_matrix() * r, b.cross_matrix() * r]
     }
 
     fn moved(&self, step: &SVector<f64, 5>) -> Self {

@@ -37,16 +37,16 @@ pub fn pose_of_essential(e: &Matrix3<f64>, pairs: &[Correspondence], counted: &[
 
 /// True where the rays of a pair meet in front of both cameras.
 pub(super) fn is_in_front(second_from_first: &CameraPose, pair: &Correspondence) -> bool {
-    let (turned, t) = (second_from_first.rotation * pair.first, second_from_first.translation);
-    let crossed = pair.second.cross(&turned);
+    let (rotated, t) = (second_from_first.rotation * pair.first, second_from_first.translation);
+    let crossed = pair.second.cross(&rotated);
     // λ₁ (x₂ × R x₁) = −(x₂ × t) and λ₂ (R x₁ × x₂) = R x₁ × t, both projected on x₂ × R x₁.
-    -pair.second.cross(&t).dot(&crossed) > 0.0 && -turned.cross(&t).dot(&crossed) > 0.0
+    -pair.second.cross(&t).dot(&crossed) > 0.0 && -rotated.cross(&t).dot(&crossed) > 0.0
 }
 
 /// Angle at which the two rays of a pair meet, rad.
 pub(super) fn ray_angle(second_from_first: &CameraPose, pair: &Correspondence) -> f64 {
-    let turned: Vec3 = second_from_first.rotation * pair.first;
-    turned.cross(&pair.second).norm().atan2(turned.dot(&pair.second))
+    let rotated: Vec3 = second_from_first.rotation * pair.first;
+    rotated.cross(&pair.second).norm().atan2(rotated.dot(&pair.second))
 }
 
 #[cfg(test)]

@@ -10,11 +10,11 @@ use plumbline_num::run::{Run, Stopped};
 
 /// Columns and rows of the cells in which coverage is counted.
 const CELLS: (usize, usize) = (8, 6);
-/// Sightings that a camera must explain.
+/// Observations that a camera must explain.
 const MIN_CORRECT: usize = 40;
-/// Share of the known points in view that it must explain.
+/// Fraction of the known points in view that it must explain.
 const MIN_CORRECT_RATIO: f64 = 0.5;
-/// Share of the cells that must hold one of those.
+/// Fraction of the cells that must hold one of those.
 const MIN_CELLS: f64 = 0.35;
 
 /// How good a reconstruction is.
@@ -27,7 +27,7 @@ pub struct SfmFigures {
     pub frames: usize,
     /// Points with a place.
     pub points: usize,
-    /// Sightings of them within 3 px (at 640 px across).
+    /// Observations of them within 3 px (at 640 px across).
     pub observations: usize,
     /// Mean distance of those from where the cameras see them, px.
     pub reprojection_px: f64,
@@ -35,21 +35,21 @@ pub struct SfmFigures {
     pub rms_px: f64,
     /// Median over the points of the widest angle under which they are seen, rad.
     pub angle: f64,
-    /// Share of the picture's cells that hold such a sighting, mean over the frames.
+    /// Fraction of the picture's cells that contain such an observation, mean over the frames.
     pub coverage: f64,
     /// Focal length, px.
     pub focal: f64,
     /// Standard deviation of its logarithm; `None` where it was not determined.
     pub sigma_ln_focal: Option<f64>,
-    /// Sightings that were foretold from other ones (`prediction.rs`).
-    #[serde(default)]
-    pub foretold: usize,
-    /// Root mean squared distance of those from where cameras and depth foretold them, px.
-    #[serde(default)]
-    pub foretold_px: f64,
-    /// The same from where homographies foretold them, px.
-    #[serde(default)]
-    pub flat_px: f64,
+    /// Observations that were predicted from other ones (`prediction.rs`).
+    #[serde(default, alias = "foretold")]
+    pub predicted: usize,
+    /// Root mean squared distance of those from where cameras and depth predicted them, px.
+    #[serde(default, alias = "foretold_px")]
+    pub predicted_px: f64,
+    /// The same from where homographies predicted them, px.
+    #[serde(default, alias = "flat_px")]
+    pub homography_px: f64,
 }
 
 /// Measures a scene against its tracks.
@@ -62,9 +62,9 @@ pub(super) fn figures(
     let unit = table.unit_px();
     let (mut sum, mut squares, mut observations) = (0.0, 0.0, 0_usize);
     let mut cells = vec![false; table.frames() * CELLS.0 * CELLS.1];
-    for miss in residuals(scene, table.observations()).iter().filter(|m| m.px <= WRONG_PX * unit) {
-        (sum, squares, observations) = (sum + miss.px, squares + miss.px * miss.px, observations + 1);
-        cells[miss.frame as usize * CELLS.0 * CELLS.1 + cell(table, miss.pixel.x, miss.pixel.y)] = true;
+    for residual in residuals(scene, table.observations()).iter().filter(|m| m.px <= WRONG_PX * unit) {
+        (sum, squares, observations) = (sum + residual.px, squares + residual.px * residual.px, observations + 1);
+        cells[residual.frame as usize * CELLS.0 * CELLS.1 + cell(table, residual.pixel.x, residual.pixel.y)] = true;
     }
     let covered = cells.iter().filter(|c| **c).count() as f64 / (CELLS.0 * CELLS.1) as f64;
     let registered = scene.poses.iter().flatten().count();
@@ -81,9 +81,9 @@ pub(super) fn figures(
         coverage: covered / registered.max(1) as f64,
         focal: scene.intrinsics.focal,
         sigma_ln_focal,
-        foretold: prediction.sightings,
-        foretold_px: prediction.space_px,
-        flat_px: prediction.plane_px,
+        predicted: prediction.observations,
+        predicted_px: prediction.space_px,
+        homography_px: prediction.plane_px,
     })
 }
 
@@ -91,12 +91,12 @@ pub(super) fn figures(
 pub(super) fn explained_frames(table: &TrackTable, scene: &Scene) -> Vec<bool> {
     let wrong = WRONG_PX * table.unit_px();
     let mut frames = vec![Explained::default(); table.frames()];
-    for miss in residuals(scene, table.observations()) {
-        let frame = &mut frames[miss.frame as usize];
+    for residual in residuals(scene, table.observations()) {
+        let frame = &mut frames[residual.frame as usize];
         frame.known += 1;
-        if miss.px <= wrong {
+        if residual.px <= wrong {
             frame.right += 1;
-            frame.cells |= 1 << cell(table, miss.pixel.x, miss.pixel.y);
+            frame.cells |= 1 << cell(table, residual.pixel.x, residual.pixel.y);
         }
     }
     frames.iter().map(Explained::is_enough).collect()
@@ -126,12 +126,12 @@ fn cell(table: &TrackTable, x: f64, y: f64) -> usize {
 
 /// Widest angle, rad, between the anchor's ray of a point and those of the other frames that see it.
 fn widest_angle(table: &TrackTable, scene: &Scene, point: usize) -> Option<f64> {
-    let place = scene.points[point]?;
-    let anchor = scene.poses[place.anchor as usize]?;
-    let ray = place.direction();
+    let seen = scene.points[point]?;
+    let anchor = scene.poses[seen.anchor as usize]?;
+    let ray = seen.direction();
     let angle = |pose: CameraPose| {
         let from_anchor = pose * anchor.inverse();
-        (from_anchor.rotation * ray).angle(&place.scaled_in(&pose, &anchor))
+        (from_anchor.rotation * ray).angle(&seen.scaled_in(&pose, &anchor))
     };
     let poses = table.of_point(point).filter_map(|o| scene.poses[o.frame as usize]);
     Some(poses.map(angle).fold(0.0, f64::max))

@@ -3,7 +3,7 @@
 //! The relative rotations of all pairs are averaged ([`super::average_rotations`]), the centers are found from the directions in
 //! which points are seen ([`super::positioning`]), and the map that follows is adjusted as any other. It serves where the map that
 //! grows over the shot ([`super::mapper`]) lacks keyframes or is not accepted: `bike-10fps`, at ten frames per second, has cameras in 87 of 100 frames,
-//! without it in 45. It does not serve alone: of made-up shots with more than a fifth of wrong sightings it loses four
+//! without it in 45. It does not serve alone: of made-up shots with more than a fifth of wrong observations it loses four
 //! (`docs/ABLATIONS.md`).
 //!
 //! # Reference

@@ -23,7 +23,7 @@ impl ModelSize {
     /// A homography.
     pub const HOMOGRAPHY: Self = Self { dimension: 2, parameters: 8 };
     /// The homography of a camera that turns, its focal length free.
-    pub const TURN: Self = Self { dimension: 2, parameters: 4 };
+    pub const ROTATION: Self = Self { dimension: 2, parameters: 4 };
     /// An essential matrix.
     pub const ESSENTIAL: Self = Self { dimension: 3, parameters: 5 };
     /// A fundamental matrix.
@@ -50,7 +50,7 @@ mod tests {
     #[test]
     fn of_two_models_with_equal_residuals_the_smaller_wins() {
         let zeros = || std::iter::repeat_n(0.0, 100);
-        let sizes = [ModelSize::TURN, ModelSize::HOMOGRAPHY, ModelSize::ESSENTIAL, ModelSize::FUNDAMENTAL];
+        let sizes = [ModelSize::ROTATION, ModelSize::HOMOGRAPHY, ModelSize::ESSENTIAL, ModelSize::FUNDAMENTAL];
         let scores = sizes.map(|size| gric(zeros(), 1.0, size));
         assert!(scores.is_sorted(), "{scores:?}");
     }

@@ -1,7 +1,7 @@
 //! Homographies between two views as a consensus problem, however far the camera turned.
 //!
 //! The four points of a sample give eight linear equations in the nine entries of `H`; a refit minimizes the first-order
-//! distance of [`super::rotation_fit`] over eight of the entries, the largest one held.
+//! distance of [`super::rotation_fit`] over eight of the entries, the largest one fixed.
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 4.1 and 4.2.6.
@@ -10,7 +10,7 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, SVector};
 
 use super::correspondence::{Correspondence, matrix_of_rows};
 use super::null_space::null_space;
-use super::rotation_fit::{homography_squared_distance, miss};
+use super::rotation_fit::{homography_squared_distance, transfer_error};
 use plumbline_num::optim::ransac::Consensus;
 
 /// Gauss–Newton steps of one refit inside the search: it starts near and repeats.
@@ -34,14 +34,14 @@ impl Consensus for ByPlane<'_> {
         models.extend(homography_of_four_rays(&[0, 1, 2, 3].map(|k| self.0[sample[k]])));
     }
 
-    fn fit_weighted(&self, weights: &[f64], start: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-        let mut h = start / start.norm();
+    fn fit_weighted(&self, weights: &[f64], initial: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+        let mut h = initial / initial.norm();
         for _ in 0..REFIT_STEPS {
-            let held = h.iamax_full();
-            let (normal, gradient) = normal_equations(&h, held, self.0, weights);
+            let fixed = h.iamax_full();
+            let (normal, gradient) = normal_equations(&h, fixed, self.0, weights);
             let step = normal.cholesky()?.solve(&gradient);
-            for (place, change) in free_entries(held).zip(step.iter()) {
-                h[place] -= change;
+            for (entry, change) in free_entries(fixed).zip(step.iter()) {
+                h[entry] -= change;
             }
             h /= h.norm();
         }
@@ -76,20 +76,20 @@ fn homography_of_four_rays(sample: &[Correspondence; 4]) -> Option<Matrix3<f64>>
 }
 
 /// All places of a matrix but one.
-fn free_entries(held: (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
-    (0..9).map(|k| (k / 3, k % 3)).filter(move |place| *place != held)
+fn free_entries(fixed: (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
+    (0..9).map(|k| (k / 3, k % 3)).filter(move |entry| *entry != fixed)
 }
 
 type Normal = (SMatrix<f64, 8, 8>, SVector<f64, 8>);
 
-fn normal_equations(h: &Matrix3<f64>, held: (usize, usize), pairs: &[Correspondence], weights: &[f64]) -> Normal {
+fn normal_equations(h: &Matrix3<f64>, fixed: (usize, usize), pairs: &[Correspondence], weights: &[f64]) -> Normal {
     let (mut normal, mut gradient) = (SMatrix::<f64, 8, 8>::zeros(), SVector::<f64, 8>::zeros());
     for (pair, &w) in pairs.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
-        let Some((e, by_point)) = miss(h, pair) else { continue };
+        let Some((e, by_point)) = transfer_error(h, pair) else { continue };
         let j = by_point * h.fixed_columns::<2>(0);
         let Some(metric) = (Matrix2::identity() + j * j.transpose()).try_inverse() else { continue };
         let mut slope = SMatrix::<f64, 2, 8>::zeros();
-        for (k, (row, column)) in free_entries(held).enumerate() {
+        for (k, (row, column)) in free_entries(fixed).enumerate() {
             slope.set_column(k, &(by_point.column(row) * pair.first[column]));
         }
         let weighted = slope.transpose() * metric * w;
@@ -110,7 +110,7 @@ mod tests {
     use plumbline_num::optim::ransac::{MsacOptions, msac};
 
     #[test]
-    fn a_turn_of_forty_degrees_is_found_through_noise_and_two_outliers_of_five() {
+    fn a_rotation_by_forty_degrees_is_found_through_noise_and_two_outliers_of_five() {
         let options = MsacOptions { threshold: 2.0 / 576.0, min_samples: 40, max_samples: 500, local_steps: 4 };
         for (seed, angle) in [(0, 0.0), (1, 0.3), (2, 0.5), (3, 0.7)] {
             let mut rng = fastrand::Rng::with_seed(seed);

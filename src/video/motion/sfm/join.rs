@@ -20,10 +20,10 @@ use plumbline_camera::{CameraPose, Intrinsics, Point3, Similarity3, Vec3, align}
 const MIN_SHARED: usize = 10;
 /// Points that must be known to both.
 const MIN_POINTS: usize = 20;
-/// Difference of the joined cameras, px at 640 px across, that is not drawn together: as much as a sighting may be wrong.
+/// Difference of the joined cameras, px at 640 px across, that is not drawn together: as much as an observation may be wrong.
 const MAX_PX: f64 = 3.0;
 /// Share of the shared frames on either side in which one of the two counts alone: the ends of a window know least.
-const ALONE: f64 = 0.25;
+const SOLO_FRACTION: f64 = 0.25;
 
 /// How well two segments fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,17 +51,17 @@ pub(super) fn fit(first: &Segment, second: &Segment) -> Option<Fit> {
         similarity = Similarity3 { scale: 1.0, translation: Vec3::zeros(), ..similarity };
     } else {
         (similarity.scale, depth) = scale_and_depth(&common_points(first, second), &pairs)?;
-        let miss = |(b, a): &(CameraPose, CameraPose)| {
+        let offset = |(b, a): &(CameraPose, CameraPose)| {
             a.center().coords - similarity.scale * (similarity.rotation * b.center().coords)
         };
-        similarity.translation = pairs.iter().map(miss).sum::<Vec3>() / pairs.len() as f64;
+        similarity.translation = pairs.iter().map(offset).sum::<Vec3>() / pairs.len() as f64;
     }
     let focal = shared[0].0.intrinsics.focal;
     let apart = |(b, a): &(CameraPose, CameraPose)| {
         let moved = similarity.camera(b);
-        let turn = moved.rotation.angle_to(&a.rotation);
+        let rotation = moved.rotation.angle_to(&a.rotation);
         let shift = (moved.center() - a.center()).norm() / depth;
-        (focal * turn).powi(2) + (focal * shift).powi(2)
+        (focal * rotation).powi(2) + (focal * shift).powi(2)
     };
     let residual_px = (pairs.iter().map(apart).sum::<f64>() / pairs.len() as f64).sqrt();
     residual_px.is_finite().then_some(Fit { similarity, residual_px })
@@ -75,7 +75,7 @@ pub(super) fn overlap(first: &Segment, second: &Segment) -> Range<usize> {
 /// Places in the second and the first world of the points that both know.
 fn common_points(first: &Segment, second: &Segment) -> Vec<(Point3, Point3)> {
     let in_first = |id: u32| first.points.binary_search_by_key(&id, |p| p.0).ok().map(|k| first.points[k].1);
-    second.points.iter().filter_map(|(id, place)| Some((*place, in_first(*id)?))).collect()
+    second.points.iter().filter_map(|(id, position)| Some((*position, in_first(*id)?))).collect()
 }
 
 /// The median ratio of depths, and the median depth in the first world, at the middle one of the shared cameras.
@@ -103,7 +103,7 @@ pub(super) fn joined(first: &Segment, second: &Segment, fit: &Fit) -> Segment {
     let frames = first.frames.start..second.frames.end.max(first.frames.end);
     let moved = |c: FrameCamera| FrameCamera { pose: fit.similarity.camera(&c.pose), ..c };
     let camera = |f: usize| match (first.camera(f), second.camera(f).map(moved)) {
-        (Some(a), Some(b)) => Some(between(&a, &b, share(f, &shared))),
+        (Some(a), Some(b)) => Some(between(&a, &b, blend_weight(f, &shared))),
         (a, b) => a.or(b),
     };
     let cameras: Vec<Option<FrameCamera>> = frames.clone().map(camera).collect();
@@ -117,23 +117,23 @@ pub(super) fn joined(first: &Segment, second: &Segment, fit: &Fit) -> Segment {
 }
 
 /// 0 where the first of two cameras counts alone, 1 where the second one does.
-fn share(frame: usize, shared: &Range<usize>) -> f64 {
+fn blend_weight(frame: usize, shared: &Range<usize>) -> f64 {
     let along = (frame as f64 + 0.5 - shared.start as f64) / shared.len() as f64;
-    let inner = ((along - ALONE) / (1.0 - 2.0 * ALONE)).clamp(0.0, 1.0);
+    let inner = ((along - SOLO_FRACTION) / (1.0 - 2.0 * SOLO_FRACTION)).clamp(0.0, 1.0);
     inner * inner * (3.0 - 2.0 * inner)
 }
 
-fn between(a: &FrameCamera, b: &FrameCamera, share: f64) -> FrameCamera {
-    let mix = |x: f64, y: f64| x + (y - x) * share;
+fn between(a: &FrameCamera, b: &FrameCamera, weight: f64) -> FrameCamera {
+    let mix = |x: f64, y: f64| x + (y - x) * weight;
     let (p, q) = (a.intrinsics, b.intrinsics);
     let intrinsics = Intrinsics { focal: mix(p.focal, q.focal), k1: mix(p.k1, q.k1), ..p };
-    FrameCamera { pose: a.pose.toward(&b.pose, share), intrinsics }
+    FrameCamera { pose: a.pose.toward(&b.pose, weight), intrinsics }
 }
 
 /// The points of both, by track; halfway where both know one.
 fn united(first: &[(u32, Point3)], second: &[(u32, Point3)], similarity: &Similarity3) -> Vec<(u32, Point3)> {
     let mut all: Vec<(u32, Point3)> = first.to_vec();
-    all.extend(second.iter().map(|(id, place)| (*id, similarity.apply(place))));
+    all.extend(second.iter().map(|(id, position)| (*id, similarity.apply(position))));
     all.sort_by_key(|p| p.0);
     all.dedup_by(|b, a| {
         let same = a.0 == b.0;
@@ -151,7 +151,7 @@ fn pooled(a: &SfmFigures, b: &SfmFigures, shared: usize) -> SfmFigures {
     let (n, m) = (a.observations as f64, own * b.observations as f64);
     let mean = |x: f64, y: f64, n: f64, m: f64| if n + m > 0.0 { (n * x + m * y) / (n + m) } else { 0.0 };
     let rms = |x: f64, y: f64, n: f64, m: f64| mean(x * x, y * y, n, m).sqrt();
-    let (k, l) = (a.foretold as f64, b.foretold as f64);
+    let (k, l) = (a.predicted as f64, b.predicted as f64);
     SfmFigures {
         registered: a.registered + b.registered,
         frames: a.frames + b.frames - shared,
@@ -163,9 +163,9 @@ fn pooled(a: &SfmFigures, b: &SfmFigures, shared: usize) -> SfmFigures {
         coverage: mean(a.coverage, b.coverage, n, m),
         focal: mean(a.focal, b.focal, n, m),
         sigma_ln_focal: a.sigma_ln_focal.zip(b.sigma_ln_focal).map(|(x, y)| x.max(y)),
-        foretold: a.foretold + b.foretold,
-        foretold_px: rms(a.foretold_px, b.foretold_px, k, l),
-        flat_px: rms(a.flat_px, b.flat_px, k, l),
+        predicted: a.predicted + b.predicted,
+        predicted_px: rms(a.predicted_px, b.predicted_px, k, l),
+        homography_px: rms(a.homography_px, b.homography_px, k, l),
     }
 }
 
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_that_stand_elsewhere_are_not_drawn_together() {
+    fn cameras_at_different_positions_are_not_blended() {
         let (first, mut second) = (part(0..40, &here()), part(20..60, &here()));
         for (k, camera) in second.cameras.iter_mut().enumerate() {
             let pose = &mut camera.as_mut().expect("known").pose;

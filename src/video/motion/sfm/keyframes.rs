@@ -12,15 +12,15 @@ use plumbline_camera::{Intrinsics, Vec3};
 use plumbline_num::math::median;
 
 /// Median parallax, share of the picture's width, at which a keyframe starts.
-const PARALLAX: f64 = 0.015;
+const MIN_PARALLAX: f64 = 0.015;
 /// Share of the last keyframe's points below which one starts.
-const SURVIVORS: f64 = 0.6;
+const MIN_SURVIVORS: f64 = 0.6;
 /// Most frames between keyframes.
 const MAX_GAP: usize = 20;
 /// Frames with fewer points are no keyframes.
 const MIN_POINTS: usize = 20;
 /// Rounds of reweighting: a mover on a third of the points is forgotten within four.
-const ROUNDS: usize = 6;
+const ITERATIONS: usize = 6;
 
 /// Indices of the keyframes of a shot, ascending; the first and the last usable frame are among them.
 pub(super) fn keyframes(table: &TrackTable, camera: &Intrinsics) -> Vec<usize> {
@@ -33,10 +33,12 @@ pub(super) fn keyframes(table: &TrackTable, camera: &Intrinsics) -> Vec<usize> {
         let shared = table.shared(key, frame);
         let alive = shared.len() as f64 / table.in_frame(key).len() as f64;
         // Beyond an abrupt loss of points the frame before is the last one that both sides see.
-        if alive < 0.5 * SURVIVORS && last_usable > key {
+        if alive < 0.5 * MIN_SURVIVORS && last_usable > key {
             keys.push(last_usable);
         }
-        if alive < SURVIVORS || frame - key >= MAX_GAP || parallax(&shared, camera) > PARALLAX * f64::from(table.width)
+        if alive < MIN_SURVIVORS
+            || frame - key >= MAX_GAP
+            || parallax(&shared, camera) > MIN_PARALLAX * f64::from(table.width)
         {
             keys.push(frame);
         }
@@ -64,7 +66,7 @@ pub(super) fn rotation_between(rays: &[(Vec3, Vec3)]) -> Rotation3<f64> {
     let mut weights = vec![1.0; rays.len()];
     let mut rotation = Rotation3::identity();
     let mut squared = vec![0.0; rays.len()];
-    for _ in 0..ROUNDS {
+    for _ in 0..ITERATIONS {
         let moment: Matrix3<f64> = rays.iter().zip(&weights).map(|((a, b), w)| *w * b * a.transpose()).sum();
         rotation = nearest_rotation(&moment).unwrap_or(rotation);
         for (s, (a, b)) in squared.iter_mut().zip(rays) {
@@ -103,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_alone_shows_no_parallax_though_things_move_and_a_step_aside_does() {
+    fn a_rotation_has_no_parallax_despite_moving_points_and_a_translation_has() {
         let table =
             TrackTable::new(640, 360, [(0.0, 0.0), (0.0, 0.1), (0.0, 0.1), (0.2, 0.1)].map(|(x, a)| view(x, a, true)));
         assert!(parallax(&table.shared(0, 1), &camera()) < 0.01);

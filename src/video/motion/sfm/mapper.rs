@@ -3,12 +3,12 @@
 //! A keyframe next to the map is *resected*: its pose is predicted from the motion of its neighbors and then searched
 //! among the points it sees. New points are triangulated, the newest cameras adjusted, and the whole map whenever it has
 //! grown by a third. The focal length is held until the map has real baseline ([`FREED`] keyframes): freed on two or three
-//! views it runs away. What fits the map in too few of its sightings is no part of the still scene and is left out.
+//! views it runs away. What fits the map in too few of its observations is no part of the static scene and is left out.
 
 use super::absolute_pose::absolute_pose;
 use super::bundle::{BundleError, BundleOptions, BundleReport, Freedom, RobustFit, adjust, refine_points, residuals};
 use super::sample::Sample;
-use super::three_point::Sighting;
+use super::three_point::PointRay;
 use super::triangulate::{View, triangulate};
 use super::{Observation, Scene, ScenePoint, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics, Point3};
@@ -30,11 +30,11 @@ pub(super) const MIN_INLIERS: usize = 20;
 const MIN_SUPPORT: f64 = 0.4;
 /// Share from which on the pose near the predicted one is taken without a search: no other one has as much.
 const CLEAR_SUPPORT: f64 = 0.8;
-/// Reprojection error of a wrong sighting, px at 640 px across.
+/// Reprojection error of a wrong observation, px at 640 px across.
 pub(super) const WRONG_PX: f64 = 3.0;
-/// Standard deviation of a sighting in x and in y, px at 640 px across.
+/// Standard deviation of an observation in x and in y, px at 640 px across.
 const SIGMA_PX: f64 = 0.5;
-/// Share of wrong sightings from which on a point is not taken to be still.
+/// Fraction of outlier observations above which a point is not taken to be static.
 const MAX_OUTLIER_RATIO: f64 = 0.3;
 /// Inverse depth, relative to the median, below which a point serves resection as if it were that far.
 const MIN_INVERSE_DEPTH: f64 = 1e-3;
@@ -59,7 +59,7 @@ pub(super) struct Last {
     /// The readout is unknown too.
     pub(super) rolling: bool,
     /// Cameras turn only.
-    pub(super) turning: bool,
+    pub(super) rotation_only: bool,
     /// The uncertainty of the focal length is asked for.
     pub(super) uncertainty: bool,
     pub(super) iterations: usize,
@@ -69,10 +69,10 @@ pub(super) struct Last {
 impl Last {
     /// Enough to tell wrong points from right ones.
     pub(super) const ROUGH: Self =
-        Self { rolling: false, turning: false, uncertainty: false, iterations: 8, tolerance: 1e-3 };
+        Self { rolling: false, rotation_only: false, uncertainty: false, iterations: 8, tolerance: 1e-3 };
     /// To the end: a step that gains less stays within the uncertainty of what it moves.
     pub(super) const FINE: Self =
-        Self { rolling: false, turning: false, uncertainty: true, iterations: 40, tolerance: 3e-5 };
+        Self { rolling: false, rotation_only: false, uncertainty: true, iterations: 40, tolerance: 3e-5 };
 }
 
 /// A map that grows.
@@ -83,7 +83,7 @@ pub(super) struct Mapper<'a> {
     start: Intrinsics,
     /// Frames that may be registered, ascending.
     frames: Vec<usize>,
-    /// Their sightings.
+    /// Their observations.
     observations: Vec<Observation>,
     /// Points that were found not to be still.
     banned: Vec<bool>,
@@ -184,24 +184,24 @@ impl<'a> Mapper<'a> {
 
     /// Finds the pose of a frame from the points it sees; false where they do not agree on one.
     pub(super) fn register(&mut self, frame: usize) -> Result<bool, Stopped> {
-        let sightings = self.sightings(frame);
-        if sightings.len() < MIN_INLIERS {
+        let points = self.point_rays(frame);
+        if points.len() < MIN_INLIERS {
             return Ok(false);
         }
         let unit = self.unit_px();
         let threshold = 2.0 * WRONG_PX * unit / self.scene.intrinsics.focal;
         let options = MsacOptions { threshold, min_samples: 20, max_samples: 500, local_steps: 3 };
         let mut rng = fastrand::Rng::with_seed(frame as u64);
-        let weights = vec![1.0; sightings.len()];
+        let weights = vec![1.0; points.len()];
         let predicted = self.predicted(frame);
         let near = MsacOptions { max_samples: 0, ..options };
-        let mut found = absolute_pose(&sightings, &weights, &near, predicted, &mut rng, self.run)?
+        let mut found = absolute_pose(&points, &weights, &near, predicted, &mut rng, self.run)?
             .filter(|s| s.support >= CLEAR_SUPPORT);
         if found.is_none() {
-            found = absolute_pose(&sightings, &weights, &options, predicted, &mut rng, self.run)?;
+            found = absolute_pose(&points, &weights, &options, predicted, &mut rng, self.run)?;
         }
         let Some(found) = found.filter(|s| s.support >= MIN_SUPPORT) else { return Ok(false) };
-        if found.support * (sightings.len() as f64) < MIN_INLIERS as f64 {
+        if found.support * (points.len() as f64) < MIN_INLIERS as f64 {
             return Ok(false);
         }
         self.scene.poses[frame] = Some(found.model);
@@ -209,16 +209,16 @@ impl<'a> Mapper<'a> {
     }
 
     /// Known points that a frame sees.
-    fn sightings(&self, frame: usize) -> Vec<Sighting> {
+    fn point_rays(&self, frame: usize) -> Vec<PointRay> {
         let nearest = self.farthest_inverse_depth();
-        let sighting = |o: &Observation| {
+        let point_ray = |o: &Observation| {
             let point = self.scene.points[o.point as usize]?;
             let anchor = self.scene.poses[point.anchor as usize]?;
             let depth = 1.0 / point.inverse_depth.max(nearest);
-            let place = anchor.inverse().apply(&Point3::from(point.direction() * depth));
-            Some(Sighting { point: place, ray: self.scene.intrinsics.undistorted(o.pixel)? })
+            let position = anchor.inverse().apply(&Point3::from(point.direction() * depth));
+            Some(PointRay { point: position, ray: self.scene.intrinsics.undistorted(o.pixel)? })
         };
-        self.table.in_frame(frame).iter().filter_map(sighting).collect()
+        self.table.in_frame(frame).iter().filter_map(point_ray).collect()
     }
 
     fn farthest_inverse_depth(&self) -> f64 {
@@ -239,8 +239,8 @@ impl<'a> Mapper<'a> {
             (None, None) => return None,
         };
         let (pose_a, pose_b) = (self.scene.poses[a]?, self.scene.poses[b]?);
-        let share = (frame as f64 - a as f64) / (b as f64 - a as f64);
-        Some(pose_a.toward(&pose_b, share))
+        let fraction = (frame as f64 - a as f64) / (b as f64 - a as f64);
+        Some(pose_a.toward(&pose_b, fraction))
     }
 
     /// Gives a place to every point that enough known frames see.
@@ -284,8 +284,9 @@ impl<'a> Mapper<'a> {
             wanted[o.point as usize] = true;
         }
         let near: Vec<Observation> = self.observations.iter().filter(|o| wanted[o.point as usize]).copied().collect();
-        let held = rest.iter().map(|&f| f as u32).collect();
-        let options = BundleOptions { held, fit: self.fit(6, 1e-2), uncertainty: false, ..BundleOptions::default() };
+        let fixed_frames = rest.iter().map(|&f| f as u32).collect();
+        let options =
+            BundleOptions { fixed_frames, fit: self.fit(6, 1e-2), uncertainty: false, ..BundleOptions::default() };
         // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
         unless_stopped(adjust(&mut self.scene, &near, &options, self.run)).map(drop)
     }
@@ -302,7 +303,7 @@ impl<'a> Mapper<'a> {
         unless_stopped(adjust(&mut self.scene, &self.observations, &options, self.run))
     }
 
-    /// Sightings of the map's points, some `per_frame` in each frame, with the scene they belong to.
+    /// Observations of the map's points, some `per_frame` in each frame, with the scene they belong to.
     pub(super) fn sample(&self, per_frame: usize) -> Sample {
         Sample::of(self.table, &self.scene, per_frame)
     }
@@ -316,7 +317,7 @@ impl<'a> Mapper<'a> {
         }
         let options = BundleOptions {
             fit: RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(last.iterations, last.tolerance) },
-            turning: last.turning,
+            rotation_only: last.rotation_only,
             focal: Freedom::Near { value: self.start.focal, sigma: self.lens.sigma_ln_focal },
             k1: Freedom::Near { value: 0.0, sigma: self.lens.sigma_k1 },
             readout: if last.rolling { Freedom::Free } else { Freedom::Fixed },
@@ -349,11 +350,11 @@ impl<'a> Mapper<'a> {
         RobustFit { sigma_px: SIGMA_PX * self.unit_px(), damping, ..RobustFit::default() }
     }
 
-    /// Leaves out the points that too few of their sightings confirm.
+    /// Leaves out the points that too few of their observations confirm.
     pub(super) fn discard_wrong(&mut self) {
         let unit = self.unit_px();
-        let misses = residuals(&self.scene, &self.observations);
-        for of_point in misses.chunk_by(|a, b| a.point == b.point) {
+        let residuals = residuals(&self.scene, &self.observations);
+        for of_point in residuals.chunk_by(|a, b| a.point == b.point) {
             let wrong = of_point.iter().filter(|m| !(m.px <= WRONG_PX * unit)).count();
             if wrong as f64 > MAX_OUTLIER_RATIO * of_point.len() as f64 {
                 let point = of_point[0].point as usize;

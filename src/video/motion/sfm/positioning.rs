@@ -12,7 +12,7 @@
 //! Laplacian of the cameras is left. The search alternates from `d_ij = 1`, all points at one distance, and ends with steps
 //! in which each `d_ij` follows its point: `d = v·y/‖y‖²`, `y = X − c`, whose residuals change by `−d (1 − y yᵀ/‖y‖²)` alone.
 //!
-//! Departure from the paper: it starts from random places and leaves all of this to a general solver.
+//! Departure from the paper: it starts from random positions and leaves all of this to a general solver.
 //!
 //! # Reference
 //! L. Pan, D. Baráth, M. Pollefeys, J. Schönberger, *Global structure-from-motion revisited*, ECCV 2024, section 3.2.
@@ -26,7 +26,7 @@ use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, m
 use plumbline_num::run::{Run, Stopped};
 
 /// Rounds of alternation: they bring the cameras into order, not to rest.
-const ROUNDS: usize = 60;
+const ITERATIONS: usize = 60;
 /// Length of the residual, `sin` of an angle at most, from which on it counts linearly: that of the paper.
 const HUBER: f64 = 0.1;
 /// Least `d`, relative to that of a typical point: one seen from behind is let go.
@@ -49,18 +49,18 @@ pub(super) fn centers_of_bearings(
     points: &[Vec<Bearing>],
     run: &Run,
 ) -> Result<Option<Vec<Vec3>>, Stopped> {
-    let mut places = Places { centers: vec![Vec3::zeros(); cameras], points: vec![Vec3::zeros(); points.len()] };
+    let mut positions = Positions { centers: vec![Vec3::zeros(); cameras], points: vec![Vec3::zeros(); points.len()] };
     let mut scales: Vec<Vec<f64>> = points.iter().map(|p| vec![1.0; p.len()]).collect();
-    for round in 0..ROUNDS {
-        if round > 0 {
-            places.rescale(points, &mut scales);
+    for iteration in 0..ITERATIONS {
+        if iteration > 0 {
+            positions.rescale(points, &mut scales);
         }
         run.check()?;
-        if places.solve(points, &scales).is_none() {
+        if positions.solve(points, &scales).is_none() {
             return Ok(None);
         }
     }
-    let mut problem = Positioning::new(points, places);
+    let mut problem = Positioning::new(points, positions);
     let cost = problem.cost(&problem.present);
     minimize(&mut problem, cost, &LAST, run)?;
     let centers = problem.present.centers;
@@ -68,24 +68,24 @@ pub(super) fn centers_of_bearings(
 }
 
 #[derive(Clone, Debug)]
-struct Places {
+struct Positions {
     centers: Vec<Vec3>,
     points: Vec<Vec3>,
 }
 
-impl Places {
+impl Positions {
     /// `d` of every bearing, the typical distance brought to 1.
     fn rescale(&mut self, points: &[Vec<Bearing>], scales: &mut [Vec<f64>]) {
         let mut distances: Vec<f64> = Vec::new();
-        for (place, seen) in self.points.iter().zip(points) {
-            distances.extend(seen.iter().map(|b| (place - self.centers[b.camera]).norm()));
+        for (position, seen) in self.points.iter().zip(points) {
+            distances.extend(seen.iter().map(|b| (position - self.centers[b.camera]).norm()));
         }
         if let Some(typical) = median(&mut distances).filter(|d| *d > 0.0) {
             self.centers.iter_mut().chain(&mut self.points).for_each(|p| *p /= typical);
         }
-        for ((place, seen), scales) in self.points.iter().zip(points).zip(scales) {
+        for ((position, seen), scales) in self.points.iter().zip(points).zip(scales) {
             for (b, d) in seen.iter().zip(scales) {
-                *d = scale(&(place - self.centers[b.camera]), &b.direction);
+                *d = scale(&(position - self.centers[b.camera]), &b.direction);
             }
         }
     }
@@ -120,9 +120,9 @@ impl Places {
         for i in 1..n {
             self.centers[i] = Vec3::new(found[(i - 1, 0)], found[(i - 1, 1)], found[(i - 1, 2)]);
         }
-        for (place, of_point) in self.points.iter_mut().zip(&terms) {
+        for (position, of_point) in self.points.iter_mut().zip(&terms) {
             let total: f64 = of_point.iter().map(|t| t.1).sum();
-            *place = of_point.iter().map(|(i, a, away)| *a * (self.centers[*i] + away)).sum::<Vec3>() / total;
+            *position = of_point.iter().map(|(i, a, away)| *a * (self.centers[*i] + away)).sum::<Vec3>() / total;
         }
         Some(())
     }
@@ -137,8 +137,8 @@ fn scale(y: &Vec3, direction: &Vec3) -> f64 {
 /// The last search, every `d` at its best.
 struct Positioning<'a> {
     points: &'a [Vec<Bearing>],
-    present: Places,
-    trial: Places,
+    present: Positions,
+    trial: Positions,
     hessian: DMatrix<f64>,
     gradient: DVector<f64>,
     /// Of each point: its own block, and the coupling to each of its cameras.
@@ -146,18 +146,22 @@ struct Positioning<'a> {
 }
 
 impl<'a> Positioning<'a> {
-    fn new(points: &'a [Vec<Bearing>], present: Places) -> Self {
+    fn new(points: &'a [Vec<Bearing>], present: Positions) -> Self {
         let size = 3 * present.centers.len();
         let (hessian, gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
         Self { points, trial: present.clone(), present, hessian, gradient, blocks: Vec::new() }
     }
 
-    fn cost(&self, at: &Places) -> f64 {
-        let miss = |place: &Vec3, b: &Bearing| {
-            let y = place - at.centers[b.camera];
+    fn cost(&self, at: &Positions) -> f64 {
+        let error = |position: &Vec3, b: &Bearing| {
+            let y = position - at.centers[b.camera];
             0.5 * Loss::Huber(HUBER).value((b.direction - scale(&y, &b.direction) * y).norm_squared())
         };
-        at.points.iter().zip(self.points).map(|(place, seen)| seen.iter().map(|b| miss(place, b)).sum::<f64>()).sum()
+        at.points
+            .iter()
+            .zip(self.points)
+            .map(|(position, seen)| seen.iter().map(|b| error(position, b)).sum::<f64>())
+            .sum()
     }
 }
 
@@ -166,10 +170,10 @@ impl DampedProblem for Positioning<'_> {
         self.hessian.fill(0.0);
         self.gradient.fill(0.0);
         self.blocks.clear();
-        for (place, seen) in self.present.points.iter().zip(self.points) {
+        for (position, seen) in self.present.points.iter().zip(self.points) {
             let (mut own, mut slope, mut couplings) = (Matrix3::zeros(), Vec3::zeros(), Vec::with_capacity(seen.len()));
             for b in seen {
-                let y = place - self.present.centers[b.camera];
+                let y = position - self.present.centers[b.camera];
                 let d = scale(&y, &b.direction);
                 let residual = b.direction - d * y;
                 let weight = Loss::Huber(HUBER).weight(residual.norm_squared()) * d;
@@ -287,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_that_share_no_point_have_no_common_places() {
+    fn cameras_without_common_points_are_not_positioned() {
         let shot = Shot::new(&ShotOptions { seed: 6, ..ShotOptions::default() });
         assert!(
             centers_of_bearings(16, &bearings(&shot), &Run::default()).expect("a run that never stops").is_none(),

@@ -2,7 +2,7 @@
 //!
 //! Low residuals prove no cameras: with a depth for every track a turning camera, too, is explained to the noise by a
 //! translation that is made up. What is made up, however, does not foretell where a point goes next. A frame `s` and a later
-//! frame `t` share tracks; every second one is held out, and its place in `t` is foretold twice from its place in `s`:
+//! frame `t` share tracks; every second one is held out, and its position in `t` is predicted twice from its position in `s`:
 //!
 //! - in space, `Y = R_ts m + w t_ts`, where `w` is triangulated from the frames up to `s` alone and the camera of `t` is found
 //!   from the other tracks alone;
@@ -19,7 +19,7 @@ use super::absolute_pose::absolute_pose;
 use super::correspondence::Correspondence;
 use super::homography_search::ByPlane;
 use super::mapper::WRONG_PX;
-use super::three_point::Sighting;
+use super::three_point::PointRay;
 use super::triangulate::{View, triangulate};
 use super::{Match, Observation, Scene, TrackTable};
 use plumbline_camera::{CameraPose, Point3, Vec3};
@@ -42,33 +42,33 @@ const MIN_INVERSE_DEPTH: f64 = 1e-6;
 /// Tracks that fit, and tracks that judge, each at least.
 const MIN_TRACKS: usize = 12;
 
-/// How far held-out sightings are from where they were foretold.
+/// Distance of held-out observations from their predictions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Prediction {
-    /// Sightings that were foretold.
-    pub(super) sightings: usize,
+    /// Observations that were predicted.
+    pub(super) observations: usize,
     /// Root mean squared miss in space, px, single misses counted up to 3 px at 640 px across.
     pub(super) space_px: f64,
     /// The same by homographies.
     pub(super) plane_px: f64,
 }
 
-/// Foretells held-out sightings of a shot; nothing where too few tracks live long enough.
+/// Predicts held-out observations of a shot; none where too few tracks live long enough.
 pub(super) fn predict(table: &TrackTable, scene: &Scene, run: &Run) -> Result<Prediction, Stopped> {
     let frames = table.frames();
     let last = frames.saturating_sub(AROUND + 1);
     let start = |k: usize| MIN_KNOWN + k * last.saturating_sub(MIN_KNOWN) / PAIRS;
     let mut starts: Vec<usize> = (0..PAIRS).map(start).filter(|s| s + 2 <= last).collect();
     starts.dedup();
-    let judged: Vec<Sums> =
-        starts.into_par_iter().filter_map(|s| Pair::from(table, scene, s)?.judged(scene, run)).collect();
-    let total = judged.into_iter().fold(Sums::default(), |a, b| Sums {
+    let evaluated: Vec<Sums> =
+        starts.into_par_iter().filter_map(|s| Pair::from(table, scene, s)?.evaluated(scene, run)).collect();
+    let total = evaluated.into_iter().fold(Sums::default(), |a, b| Sums {
         count: a.count + b.count,
         space: a.space + b.space,
         plane: a.plane + b.plane,
     });
     let px = |sum: f64| scene.intrinsics.focal * (sum / total.count.max(1) as f64).sqrt();
-    run.complete(Prediction { sightings: total.count, space_px: px(total.space), plane_px: px(total.plane) })
+    run.complete(Prediction { observations: total.count, space_px: px(total.space), plane_px: px(total.plane) })
 }
 
 /// Squared misses, normalized image coordinates.
@@ -103,17 +103,18 @@ impl<'a> Pair<'a> {
             .then(|| Some(Self { table, first: pose(first)?, second: pose(second)?, fit, held_out }))?
     }
 
-    fn judged(&self, scene: &Scene, run: &Run) -> Option<Sums> {
+    fn evaluated(&self, scene: &Scene, run: &Run) -> Option<Sums> {
         let limit = WRONG_PX * self.table.unit_px() / scene.intrinsics.focal;
         let options = MsacOptions { threshold: limit, min_samples: 20, max_samples: 500, local_steps: 5 };
         let found = self.camera(scene, &options, run)? * self.second.1.inverse();
         let ends = |m: &Match| Row::of(scene, self.first.0, m.first).zip(Row::of(scene, self.second.0, m.second));
-        let pair =
-            |(a, b): (Row, Row)| Correspondence::new(a.turned_back(&self.first.1), b.turned_back(&self.second.1));
+        let pair = |(a, b): (Row, Row)| {
+            Correspondence::new(a.without_rotation(&self.first.1), b.without_rotation(&self.second.1))
+        };
         let pairs: Vec<Correspondence> = self.fit.iter().filter_map(ends).map(pair).collect();
         let mut rng = fastrand::Rng::with_seed(self.first.0 as u64);
         let plane = msac(&ByPlane(&pairs), &vec![1.0; pairs.len()], &options, None, &mut rng, run).ok()??.model;
-        let miss = |y: Vec3, seen: Vec2| {
+        let squared_error = |y: Vec3, seen: Vec2| {
             let squared = (y.xy() / y.z - seen).norm_squared();
             if y.z > 0.0 && squared <= limit * limit { squared } else { limit * limit }
         };
@@ -123,24 +124,25 @@ impl<'a> Pair<'a> {
             let b_from_a = found * b.pose * a.pose.inverse();
             let flat = pair((a, b));
             sums.count += 1;
-            sums.space += miss(b_from_a.rotation * a.seen.push(1.0) + inverse_depth * b_from_a.translation, b.seen);
-            sums.plane += miss(plane * flat.first, flat.second.xy());
+            sums.space +=
+                squared_error(b_from_a.rotation * a.seen.push(1.0) + inverse_depth * b_from_a.translation, b.seen);
+            sums.plane += squared_error(plane * flat.first, flat.second.xy());
         }
         (sums.count > 0).then_some(sums)
     }
 
     /// The camera of the second frame, from the tracks that fit alone.
     fn camera(&self, scene: &Scene, options: &MsacOptions, run: &Run) -> Option<CameraPose> {
-        let sighting = |m: &Match| {
+        let observation = |m: &Match| {
             let point = scene.points[m.point as usize]?;
             let anchor = scene.poses[point.anchor as usize]?;
             let row = Row::of(scene, self.second.0, m.second)?;
             let depth = 1.0 / point.inverse_depth.max(MIN_INVERSE_DEPTH);
             // Where the camera, had it stood still during the readout, would have to see the point.
             let moved = self.second.1.inverse() * row.pose * anchor.inverse();
-            Some(Sighting { point: moved.apply(&Point3::from(point.direction() * depth)), ray: row.seen })
+            Some(PointRay { point: moved.apply(&Point3::from(point.direction() * depth)), ray: row.seen })
         };
-        let known: Vec<Sighting> = self.fit.iter().filter_map(sighting).collect();
+        let known: Vec<PointRay> = self.fit.iter().filter_map(observation).collect();
         let mut rng = fastrand::Rng::with_seed(self.second.0 as u64);
         Some(absolute_pose(&known, &vec![1.0; known.len()], options, Some(self.second.1), &mut rng, run).ok()??.model)
     }
@@ -158,7 +160,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// A sighting with the camera at the time when its row was read.
+/// An observation with the camera at the time when its row was read.
 #[derive(Clone, Copy, Debug)]
 struct Row {
     pose: CameraPose,
@@ -172,13 +174,13 @@ impl Row {
     fn of(scene: &Scene, frame: usize, pixel: Point2) -> Option<Self> {
         let (pose, seen) = (scene.poses[frame]?, scene.intrinsics.undistorted(pixel)?);
         let neighbor = |f: Option<usize>| scene.poses.get(f?).copied().flatten();
-        let way = |reach: usize| {
+        let difference = |reach: usize| {
             let (before, after) = (neighbor(frame.checked_sub(reach))?, neighbor(Some(frame + reach))?);
-            let turn = (after.rotation * before.rotation.inverse()).scaled_axis();
-            Some((turn, after.translation - before.translation))
+            let rotation = (after.rotation * before.rotation.inverse()).scaled_axis();
+            Some((rotation, after.translation - before.translation))
         };
-        let Some(near) = way(1).filter(|_| scene.readout != 0.0) else { return Some(Self { pose, seen }) };
-        let speed = match way(2) {
+        let Some(near) = difference(1).filter(|_| scene.readout != 0.0) else { return Some(Self { pose, seen }) };
+        let speed = match difference(2) {
             Some(far) => ((8.0 * near.0 - far.0) / 12.0, (8.0 * near.1 - far.1) / 12.0),
             None => (0.5 * near.0, 0.5 * near.1),
         };
@@ -188,7 +190,7 @@ impl Row {
     }
 
     /// Where it would have been seen, but for the turn since the frame's own time.
-    fn turned_back(&self, frame: &CameraPose) -> Vec2 {
+    fn without_rotation(&self, frame: &CameraPose) -> Vec2 {
         let ray = frame.rotation * self.pose.rotation.inverse() * self.seen.push(1.0);
         ray.xy() / ray.z
     }
@@ -200,7 +202,7 @@ mod tests {
     use crate::motion::sfm::ScenePoint;
     use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
 
-    /// The true cameras, and the points where the first sighting and `depth` say.
+    /// The true cameras, and the points where the first observation and `depth` say.
     fn scene(shot: &Shot, table: &TrackTable, depth: impl Fn(&ScenePoint) -> f64) -> Scene {
         let point = |p: usize| {
             let truth = shot.truth.points[table.id(p as u32) as usize]?;
@@ -214,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_tracks_of_a_walk_are_foretold_exactly_in_space_and_not_by_homographies() {
+    fn exact_tracks_of_a_walk_are_predicted_exactly_in_space_and_not_by_homographies() {
         for readout in [0.0, 0.5] {
             let shot = shot(Course::Walk, 0.0, readout);
             let table = shot.table();
@@ -222,12 +224,12 @@ mod tests {
                 .expect("a run that never stops");
             // Differences of fourth order miss an eighth of the speed of a 7 Hz shake, 0.3 px at the first and the last row.
             let exact = if readout == 0.0 { 1e-6 } else { 0.5 };
-            assert!(found.sightings > 500 && found.space_px < exact && found.plane_px > 1.0, "{found:?}");
+            assert!(found.observations > 500 && found.space_px < exact && found.plane_px > 1.0, "{found:?}");
         }
     }
 
     #[test]
-    fn a_translation_made_up_for_a_turning_camera_foretells_worse_than_homographies() {
+    fn a_false_translation_of_a_rotating_camera_predicts_worse_than_homographies() {
         let shot = shot(Course::Rotation, 0.2, 0.0);
         let table = shot.table();
         let mut made_up = scene(&shot, &table, |p| p.inverse_depth);
@@ -237,15 +239,15 @@ mod tests {
             pose.as_mut().expect("true").translation += drift;
         }
         let found = predict(&table, &made_up, &Run::default()).expect("a run that never stops");
-        assert!(found.sightings > 500 && found.space_px > 1.1 * found.plane_px, "{found:?}");
+        assert!(found.observations > 500 && found.space_px > 1.1 * found.plane_px, "{found:?}");
     }
 
     #[test]
-    fn nothing_is_foretold_of_shots_too_short_or_without_cameras() {
+    fn shots_too_short_or_without_cameras_have_no_predictions() {
         let whole = shot(Course::Walk, 0.0, 0.0);
         let table_of = whole.table();
         let blind = Scene { poses: vec![None; 60], ..scene(&whole, &table_of, |p| p.inverse_depth) };
-        assert_eq!(predict(&table_of, &blind, &Run::default()).expect("a run that never stops").sightings, 0);
+        assert_eq!(predict(&table_of, &blind, &Run::default()).expect("a run that never stops").observations, 0);
         let short = Shot::new(&ShotOptions { frames: 6, ..ShotOptions::default() });
         let table = short.table();
         assert_eq!(

@@ -15,7 +15,7 @@ use super::figures::{SfmFigures, figures};
 use super::global_mapping::map_globally;
 use super::keyframes::keyframes;
 use super::mapper::{GROWN, Last, LensPrior, MIN_INLIERS, Mapper};
-use super::turning::{focal_of_turns, turn_cameras};
+use super::rotation_estimation::{estimate_rotations, focal_of_rotations};
 use super::two_view::TwoViewVerdict;
 use super::verdict::{MIN_ANGLE, SfmVerdict, judged, predicts};
 use super::view_graph::{Edge, shared_focal, view_graph};
@@ -47,9 +47,9 @@ const MAX_READOUT: f64 = 1.2;
 /// Points per frame (median) below which nothing is tried: two views of half of them see 20 in common, the fewest that a
 /// registration rests on.
 const MIN_POINTS: usize = 40;
-/// Sightings per frame by which wrong points are told from right ones and a readout is found.
+/// Observations per frame by which wrong points are told from right ones and a readout is found.
 const ROUGH_SIGHTINGS: usize = 160;
-/// Sightings per frame that the final cameras rest on. On five rendered walks rotations between frames are a seventh less
+/// Observations per frame that the final cameras rest on. On five rendered walks rotations between frames are a seventh less
 /// accurate by 400 than by all thousand, by 240 a quarter.
 const FINE_SIGHTINGS: usize = 400;
 /// RMS residual of rotations over that with depths, up to which a camera is taken to have rotated only: a depth and a
@@ -279,11 +279,11 @@ impl<'a> Shot<'a> {
 
     /// The cameras of a shot that shows no parallax.
     fn rotation_only(&self) -> Result<Reconstruction, Stopped> {
-        let focal = if self.options.focal.is_some() { None } else { focal_of_turns(&self.edges, &self.guess) };
+        let focal = if self.options.focal.is_some() { None } else { focal_of_rotations(&self.edges, &self.guess) };
         let camera = Intrinsics { focal: focal.unwrap_or(self.guess.focal), ..self.guess };
         let mut mapper = self.mapper(camera, self.lens_prior(ROTATION_SIGMA));
         mapper.admit(&(0..self.table.frames()).collect::<Vec<_>>());
-        turn_cameras(self.table, &mut mapper, &self.keys, &self.edges, self.run)?;
+        estimate_rotations(self.table, &mut mapper, &self.keys, &self.edges, self.run)?;
         self.concluded(mapper, SfmVerdict::RotationOnly)
     }
 
@@ -321,8 +321,8 @@ fn grown<'a>(empty: &Mapper<'a>, seed: &Edge, pose: CameraPose) -> Result<Option
 
 /// Adjusts a map of all frames twice: roughly, which finds wrong points and, where `rolling` is looked for, whether a readout
 /// explains the residuals; and, without the wrong points, to the end.
-fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, turning: bool) -> Result<Option<BundleReport>, Stopped> {
-    let rough = Last { turning, ..Last::ROUGH };
+fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, rotation_only: bool) -> Result<Option<BundleReport>, Stopped> {
+    let rough = Last { rotation_only, ..Last::ROUGH };
     let mut sample = mapper.sample(ROUGH_SIGHTINGS);
     let global = mapper.finish(&mut sample, rough)?;
     let mut has_readout = false;
@@ -337,11 +337,11 @@ fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, turning: bool) -> Result<Opt
     }
     mapper.take_cameras(sample)?;
     mapper.discard_wrong();
-    if !turning {
+    if !rotation_only {
         mapper.triangulate_new()?;
     }
     let mut sample = mapper.sample(FINE_SIGHTINGS);
-    let report = mapper.finish(&mut sample, Last { rolling: has_readout, turning, ..Last::FINE })?;
+    let report = mapper.finish(&mut sample, Last { rolling: has_readout, rotation_only, ..Last::FINE })?;
     mapper.take_cameras(sample)?;
     mapper.discard_wrong();
     Ok(report)

@@ -26,10 +26,10 @@ use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
 /// Rounds with `ρ = |·|`.
-const ABSOLUTE_ROUNDS: usize = 60;
+const ABSOLUTE_ITERATIONS: usize = 60;
 
 /// Rounds with Geman's and McClure's weight.
-const REDESCENDING_ROUNDS: usize = 30;
+const REDESCENDING_ITERATIONS: usize = 30;
 
 /// Residual, rad, below which `1/‖ω‖` stops growing: a thousandth of a degree, below any measured rotation's error.
 const MIN_RESIDUAL: f64 = 2e-5;
@@ -42,10 +42,10 @@ const MEDIAN_LENGTH: f64 = 1.538;
 
 /// Angle, rad, by which the rotations around a triangle may miss the identity: right edges stay well below, wrong ones are
 /// anywhere.
-const TRIANGLE: f64 = 0.04;
+const MAX_TRIANGLE_ERROR: f64 = 0.04;
 
 /// A step below this, rad, ends the rounds.
-const SETTLED: f64 = 1e-12;
+const TOLERANCE: f64 = 1e-12;
 
 /// A measured relative rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,12 +79,13 @@ pub fn average_rotations(cameras: usize, edges: &[RotationEdge], run: &Run) -> R
     let usable = |e: &RotationEdge| e.first < cameras && e.second < cameras && e.first != e.second && e.weight > 0.0;
     let confirmed = confirmations(cameras, edges, usable);
     let mut tree = spanning_tree(cameras, edges, &confirmed, usable);
-    let trusted = |(e, c): (&RotationEdge, &Confirmation)| RotationEdge { weight: e.weight * c.trust(), ..*e };
-    let taking_part: Vec<RotationEdge> = edges.iter().zip(&confirmed).filter(|(e, _)| usable(e)).map(trusted).collect();
+    let weighted = |(e, c): (&RotationEdge, &Confirmation)| RotationEdge { weight: e.weight * c.confidence(), ..*e };
+    let taking_part: Vec<RotationEdge> =
+        edges.iter().zip(&confirmed).filter(|(e, _)| usable(e)).map(weighted).collect();
     let mut solver = Solver::new(&mut tree, taking_part);
-    solver.rounds(ABSOLUTE_ROUNDS, |_, r| 1.0 / r.max(MIN_RESIDUAL), run)?;
-    solver.rounds(
-        REDESCENDING_ROUNDS,
+    solver.iterate(ABSOLUTE_ITERATIONS, |_, r| 1.0 / r.max(MIN_RESIDUAL), run)?;
+    solver.iterate(
+        REDESCENDING_ITERATIONS,
         |sigma, r| {
             let scale = SCALE * sigma.max(MIN_RESIDUAL);
             let weight = scale * scale / (scale * scale + r * r);
@@ -93,14 +94,14 @@ pub fn average_rotations(cameras: usize, edges: &[RotationEdge], run: &Run) -> R
         run,
     )?;
     let residual = |e: &RotationEdge| match (tree.get(e.first), tree.get(e.second)) {
-        (Some(Some(a)), Some(Some(b))) if usable(e) => miss(a, b, e).norm(),
+        (Some(Some(a)), Some(Some(b))) if usable(e) => edge_residual(a, b, e).norm(),
         _ => f64::INFINITY,
     };
     Ok(AveragedRotations { residuals: edges.iter().map(residual).collect(), rotations: tree })
 }
 
 /// `Log(R_jᵀ R_ij R_i)`.
-fn miss(first: &UnitQuaternion<f64>, second: &UnitQuaternion<f64>, edge: &RotationEdge) -> Vec3 {
+fn edge_residual(first: &UnitQuaternion<f64>, second: &UnitQuaternion<f64>, edge: &RotationEdge) -> Vec3 {
     (second.inverse() * edge.second_from_first * first).scaled_axis()
 }
 
@@ -115,7 +116,7 @@ struct Confirmation {
 
 impl Confirmation {
     /// Share of the triangles that close, one more counted in favor, so that an edge without triangles is believed.
-    fn trust(self) -> f64 {
+    fn confidence(self) -> f64 {
         f64::from(1 + self.closing) / f64::from(1 + self.triangles)
     }
 }
@@ -137,7 +138,7 @@ fn confirmations(cameras: usize, edges: &[RotationEdge], usable: impl Fn(&Rotati
         });
         for detour in detours {
             found.triangles += 1;
-            found.closing += u32::from(detour.angle_to(&e.second_from_first) < TRIANGLE);
+            found.closing += u32::from(detour.angle_to(&e.second_from_first) < MAX_TRIANGLE_ERROR);
         }
         found
     };
@@ -211,11 +212,11 @@ impl<'a> Solver<'a> {
 
     fn residuals(&self) -> Vec<Vec3> {
         let rotation = |camera: usize| self.rotations[camera].expect("edges between known cameras only take part");
-        self.edges.iter().map(|e| miss(&rotation(e.first), &rotation(e.second), e)).collect()
+        self.edges.iter().map(|e| edge_residual(&rotation(e.first), &rotation(e.second), e)).collect()
     }
 
     /// Reweighted steps; `weight` of a residual given the standard deviation of the residuals per axis, rad.
-    fn rounds(&mut self, count: usize, weight: impl Fn(f64, f64) -> f64, run: &Run) -> Result<(), Stopped> {
+    fn iterate(&mut self, count: usize, weight: impl Fn(f64, f64) -> f64, run: &Run) -> Result<(), Stopped> {
         if self.unknowns == 0 {
             return Ok(());
         }
@@ -228,7 +229,7 @@ impl<'a> Solver<'a> {
             let weights: Vec<f64> =
                 lengths.drain(..).zip(&self.edges).map(|(r, e)| e.weight * weight(sigma, r)).collect();
             let Some(largest) = self.step(&residuals, &weights) else { break };
-            if largest < SETTLED {
+            if largest < TOLERANCE {
                 break;
             }
         }

@@ -22,21 +22,21 @@ use plumbline_camera::Vec3;
 use plumbline_num::math::golden_section;
 
 /// Steps of the fit at most.
-const STEPS: usize = 40;
+const MAX_ITERATIONS: usize = 40;
 
 /// Candidates per factor of two over which the conjugating focal length of a homography is scanned.
 const SCAN_PER_OCTAVE: f64 = 16.0;
 
 /// A camera's turn, with the focal length under which it is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turn {
+pub struct ConjugateRotation {
     /// `second_from_first`.
     pub rotation: UnitQuaternion<f64>,
     /// `s`: true focal length in units of the assumed one.
     pub focal_ratio: f64,
 }
 
-impl Turn {
+impl ConjugateRotation {
     /// `K R K⁻¹`.
     pub fn homography(&self) -> Matrix3<f64> {
         let s = self.focal_ratio;
@@ -48,14 +48,17 @@ impl Turn {
 
 /// `r²` of a pair under a homography; infinite where the point has no image.
 pub(super) fn homography_squared_distance(h: &Matrix3<f64>, pair: &Correspondence) -> f64 {
-    let Some((e, by_point)) = miss(h, pair) else { return f64::INFINITY };
+    let Some((e, by_point)) = transfer_error(h, pair) else { return f64::INFINITY };
     let j = by_point * h.fixed_columns::<2>(0);
     let spread = Matrix2::identity() + j * j.transpose();
     spread.try_inverse().map_or(f64::INFINITY, |inverse| e.dot(&(inverse * e)))
 }
 
 /// `e` and `∂π/∂Y` at `Y = H x₁`.
-pub(super) fn miss(h: &Matrix3<f64>, pair: &Correspondence) -> Option<(nalgebra::Vector2<f64>, Matrix2x3<f64>)> {
+pub(super) fn transfer_error(
+    h: &Matrix3<f64>,
+    pair: &Correspondence,
+) -> Option<(nalgebra::Vector2<f64>, Matrix2x3<f64>)> {
     let y = h * pair.first;
     if !(y.z > 0.0) {
         return None;
@@ -77,43 +80,49 @@ fn conjugated(h: &Matrix3<f64>, s: f64) -> Matrix3<f64> {
     m / m.determinant().cbrt()
 }
 
-/// The turn nearest to a homography, `1/doubt ≤ s ≤ doubt`, and its orthogonality residual `‖MᵀM − 1‖`.
+/// The turn nearest to a homography, `1/max_ratio ≤ s ≤ max_ratio`, and its orthogonality residual `‖MᵀM − 1‖`.
 ///
 /// `h` maps image coordinates normalized by the assumed focal length. `None` for a singular matrix.
-pub fn conjugate_rotation(h: &Matrix3<f64>, doubt: f64) -> Option<(Turn, f64)> {
-    let octaves = 2.0 * doubt.log2();
+pub fn conjugate_rotation(h: &Matrix3<f64>, max_ratio: f64) -> Option<(ConjugateRotation, f64)> {
+    let octaves = 2.0 * max_ratio.log2();
     let count = (octaves * SCAN_PER_OCTAVE).ceil().max(1.0) as usize;
-    let candidates = (0..=count).map(|k| doubt.powf(2.0 * k as f64 / count as f64 - 1.0));
+    let candidates = (0..=count).map(|k| max_ratio.powf(2.0 * k as f64 / count as f64 - 1.0));
     let best = candidates.min_by(|a, b| orthogonality(h, *a).total_cmp(&orthogonality(h, *b)))?;
-    let step = doubt.powf(2.0 / count as f64);
-    let (low, high) = ((best / step).max(1.0 / doubt), (best * step).min(doubt));
-    let s = golden_section(|ln| orthogonality(h, ln.exp()), low.ln(), high.ln()).exp().clamp(1.0 / doubt, doubt);
+    let step = max_ratio.powf(2.0 / count as f64);
+    let (low, high) = ((best / step).max(1.0 / max_ratio), (best * step).min(max_ratio));
+    let s =
+        golden_section(|ln| orthogonality(h, ln.exp()), low.ln(), high.ln()).exp().clamp(1.0 / max_ratio, max_ratio);
     let m = conjugated(h, s);
     if !m.iter().all(|v| v.is_finite()) {
         return None;
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&m));
-    Some((Turn { rotation, focal_ratio: s }, orthogonality(h, s)))
+    Some((ConjugateRotation { rotation, focal_ratio: s }, orthogonality(h, s)))
 }
 
-/// The turn of least `Σ min(r², T²)` (smoothly truncated) near `start`, `1/doubt ≤ s ≤ doubt`; `doubt = 1` keeps `s = 1`.
+/// The turn of least `Σ min(r², T²)` (smoothly truncated) near `start`, `1/max_ratio ≤ s ≤ max_ratio`; `max_ratio = 1` keeps `s = 1`.
 ///
 /// `threshold` T in units of the image coordinates.
-pub fn fit_turn(start: Turn, pairs: &[Correspondence], threshold: f64, doubt: f64) -> Turn {
-    let mut turn = start;
-    let (mut here, mut damping) = (truncated_energy(&turn, pairs, threshold), 1e-6);
-    for _ in 0..STEPS {
-        let (mut normal, gradient) = normal_equations(&turn, pairs, threshold);
+pub fn fit_conjugate_rotation(
+    initial: ConjugateRotation,
+    pairs: &[Correspondence],
+    threshold: f64,
+    max_ratio: f64,
+) -> ConjugateRotation {
+    let mut best = initial;
+    let (mut here, mut damping) = (truncated_energy(&best, pairs, threshold), 1e-6);
+    for _ in 0..MAX_ITERATIONS {
+        let (mut normal, gradient) = normal_equations(&best, pairs, threshold);
         for k in 0..4 {
             normal[(k, k)] *= 1.0 + damping;
             normal[(k, k)] += f64::MIN_POSITIVE;
         }
         let Some(factor) = normal.cholesky() else { break };
-        let next = moved(&turn, &-factor.solve(&gradient), doubt);
+        let next = moved(&best, &-factor.solve(&gradient), max_ratio);
         let there = truncated_energy(&next, pairs, threshold);
         if there < here {
             let settled = here - there <= 1e-10 * here;
-            (turn, here, damping) = (next, there, damping * 0.1);
+            (best, here, damping) = (next, there, damping * 0.1);
             if settled {
                 break;
             }
@@ -121,18 +130,18 @@ pub fn fit_turn(start: Turn, pairs: &[Correspondence], threshold: f64, doubt: f6
             damping *= 10.0;
         }
     }
-    turn
+    best
 }
 
-fn moved(turn: &Turn, step: &Vector4<f64>, doubt: f64) -> Turn {
-    let rotation = UnitQuaternion::from_scaled_axis(step.xyz()) * turn.rotation;
-    let focal_ratio = (turn.focal_ratio * step.w.clamp(-1.0, 1.0).exp()).clamp(1.0 / doubt, doubt);
-    Turn { rotation: UnitQuaternion::new_normalize(rotation.into_inner()), focal_ratio }
+fn moved(from: &ConjugateRotation, step: &Vector4<f64>, max_ratio: f64) -> ConjugateRotation {
+    let rotation = UnitQuaternion::from_scaled_axis(step.xyz()) * from.rotation;
+    let focal_ratio = (from.focal_ratio * step.w.clamp(-1.0, 1.0).exp()).clamp(1.0 / max_ratio, max_ratio);
+    ConjugateRotation { rotation: UnitQuaternion::new_normalize(rotation.into_inner()), focal_ratio }
 }
 
 /// `Σ ρ(r²)` with `ρ′ = (1 − r²/T²)²` inside the threshold: the energy whose weights [`normal_equations`] takes.
-fn truncated_energy(turn: &Turn, pairs: &[Correspondence], threshold: f64) -> f64 {
-    let h = turn.homography();
+fn truncated_energy(from: &ConjugateRotation, pairs: &[Correspondence], threshold: f64) -> f64 {
+    let h = from.homography();
     let squared = threshold * threshold;
     let cost = |pair: &Correspondence| {
         let inside = (1.0 - homography_squared_distance(&h, pair) / squared).max(0.0);
@@ -141,18 +150,22 @@ fn truncated_energy(turn: &Turn, pairs: &[Correspondence], threshold: f64) -> f6
     pairs.iter().map(cost).sum()
 }
 
-fn normal_equations(turn: &Turn, pairs: &[Correspondence], threshold: f64) -> (SMatrix<f64, 4, 4>, Vector4<f64>) {
-    let (h, s) = (turn.homography(), turn.focal_ratio);
+fn normal_equations(
+    from: &ConjugateRotation,
+    pairs: &[Correspondence],
+    threshold: f64,
+) -> (SMatrix<f64, 4, 4>, Vector4<f64>) {
+    let (h, s) = (from.homography(), from.focal_ratio);
     let k = Matrix3::from_diagonal(&Vec3::new(s, s, 1.0));
     let inverse = Matrix3::from_diagonal(&Vec3::new(1.0 / s, 1.0 / s, 1.0));
-    let turned = turn.rotation.to_rotation_matrix().matrix() * inverse;
+    let rotated = from.rotation.to_rotation_matrix().matrix() * inverse;
     // d(K R K⁻¹)/d ln s = D H − H D with D = diag(1, 1, 0).
     let flat = Matrix3::from_diagonal(&Vec3::new(1.0, 1.0, 0.0));
-    let turns = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| k * axis.cross_matrix() * turned);
-    let tangents = [turns[0], turns[1], turns[2], flat * h - h * flat];
+    let angular = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| k * axis.cross_matrix() * rotated);
+    let tangents = [angular[0], angular[1], angular[2], flat * h - h * flat];
     let (mut normal, mut gradient) = (SMatrix::<f64, 4, 4>::zeros(), Vector4::zeros());
     for pair in pairs {
-        let Some((e, by_point)) = miss(&h, pair) else { continue };
+        let Some((e, by_point)) = transfer_error(&h, pair) else { continue };
         let j = by_point * h.fixed_columns::<2>(0);
         let Some(metric) = (Matrix2::identity() + j * j.transpose()).try_inverse() else { continue };
         let inside = 1.0 - e.dot(&(metric * e)) / (threshold * threshold);
@@ -174,38 +187,38 @@ mod tests {
     use plumbline_camera::CameraPose;
 
     /// A camera that turns by `angle`, seen with a focal length assumed too long by `1/ratio`.
-    fn turning(angle: f64, ratio: f64, rng: &mut fastrand::Rng) -> (Turn, Vec<Correspondence>) {
+    fn turning(angle: f64, ratio: f64, rng: &mut fastrand::Rng) -> (ConjugateRotation, Vec<Correspondence>) {
         let rotation = UnitQuaternion::from_scaled_axis(random_unit(rng) * angle);
         let pose = CameraPose { rotation, translation: Vec3::zeros() };
         let views = TwoViews::general(pose, 100, rng);
         let pairs = views.correspondences.iter().map(|c| c.scaled(ratio)).collect();
-        (Turn { rotation, focal_ratio: ratio }, pairs)
+        (ConjugateRotation { rotation, focal_ratio: ratio }, pairs)
     }
 
     #[test]
-    fn the_focal_length_of_a_turn_is_found_from_a_wrong_one() {
+    fn the_focal_length_of_a_rotation_is_found_from_a_wrong_one() {
         for (seed, ratio) in [(0, 0.7), (1, 1.0), (2, 1.4), (3, 1.6)] {
             let mut rng = fastrand::Rng::with_seed(seed);
             let (truth, pairs) = turning(0.2, ratio, &mut rng);
             let (start, residual) = conjugate_rotation(&truth.homography(), 1.8).expect("regular");
             assert!(residual < 1e-6 && (start.focal_ratio / ratio).ln().abs() < 1e-6, "{start:?}");
-            let found = fit_turn(start, &pairs, 0.01, 1.8);
+            let found = fit_conjugate_rotation(start, &pairs, 0.01, 1.8);
             assert!((found.focal_ratio / ratio - 1.0).abs() < 1e-7, "{found:?} against {truth:?}");
             assert!(found.rotation.angle_to(&truth.rotation) < 1e-7);
         }
     }
 
     #[test]
-    fn without_doubt_the_focal_length_stays() {
+    fn a_ratio_of_one_keeps_the_focal_length() {
         let mut rng = fastrand::Rng::with_seed(8);
         let (truth, pairs) = turning(0.1, 1.0, &mut rng);
-        let start = Turn { rotation: UnitQuaternion::identity(), focal_ratio: 1.0 };
-        let found = fit_turn(start, &pairs, 1.0, 1.0);
+        let start = ConjugateRotation { rotation: UnitQuaternion::identity(), focal_ratio: 1.0 };
+        let found = fit_conjugate_rotation(start, &pairs, 1.0, 1.0);
         assert!(found.focal_ratio == 1.0 && found.rotation.angle_to(&truth.rotation) < 1e-7);
     }
 
     #[test]
-    fn the_distance_to_a_homography_is_half_the_squared_miss_for_an_isometry() {
+    fn the_distance_to_a_homography_is_half_the_squared_transfer_error_for_an_isometry() {
         let pair =
             Correspondence::new(plumbline_num::math::Vec2::new(0.1, 0.2), plumbline_num::math::Vec2::new(0.13, 0.16));
         let r = homography_squared_distance(&Matrix3::identity(), &pair);
@@ -213,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_camera_before_a_plane_is_no_turn() {
+    fn a_moving_camera_before_a_plane_is_no_rotation() {
         let h = Matrix3::identity() + Vec3::new(0.1, 0.0, 0.1) * Vec3::new(0.2, 0.1, 0.9).transpose();
         assert!(conjugate_rotation(&h, 1.8).expect("regular").1 > 0.05);
     }

@@ -1,11 +1,11 @@
-//! Sightings enough for the cameras of a shot.
+//! Observations enough for the cameras of a shot.
 //!
 //! Trackers follow a thousand points per frame, many of them side by side and for hundreds of frames. Cameras are known as well
 //! from a few hundred that are spread over the picture; and since to eliminate a point that `L` frames see costs `L²`, and the
 //! reduced system is as wide as the longest track, long tracks weigh most while they say little more than two of half their
 //! length. So an adjustment of a whole shot is given a sample:
 //!
-//! - a point is taken where in most of its frames its cell of the picture still wants sightings, points that many frames see
+//! - a point is taken where in most of its frames its cell of the picture still wants observations, points that many frames see
 //!   before others;
 //! - a track longer than [`MAX_FRAMES`] cut into pieces, each a point of its own. Cuts of different tracks fall in different frames,
 //!   so that two frames `d` apart share the part `1 − d/MAX_FRAMES` of the points that both see.
@@ -14,17 +14,17 @@
 
 use super::{Observation, Scene, ScenePoint, TrackTable};
 
-/// Columns and rows of the cells over which sightings are spread.
+/// Columns and rows of the cells over which observations are spread.
 const CELLS: (usize, usize) = (8, 5);
 /// Frames that a piece spans at most. Pieces of 32 to 96 frames and whole tracks give cameras that are equally good on tracked
 /// clips: trackers drift, and what a long track says about far frames it says with that drift.
 const MAX_FRAMES: usize = 48;
 
-/// Sightings below which a track is taken only by frames that have not half of what they want: its own place uses up most of
+/// Observations below which a track is taken only by frames that have not half of what they want: its own place uses up most of
 /// what it says, and its depth, which little holds, jumps about between steps.
 const SHORT: usize = 8;
 
-/// A scene with part of the points, long tracks in pieces, and the sightings of those.
+/// A scene with part of the points, long tracks in pieces, and the observations of those.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
     pub(super) scene: Scene,
@@ -44,59 +44,63 @@ impl Sample {
 
     /// Adds a point by its pieces.
     fn add(&mut self, table: &TrackTable, scene: &Scene, point: usize) {
-        let Some(place) = scene.points[point] else { return };
-        let seen: Vec<&Observation> = sightings(table, scene, point).collect();
+        let Some(position) = scene.points[point] else { return };
+        let seen: Vec<&Observation> = known_observations(table, scene, point).collect();
         let (Some(first), Some(last)) = (seen.first(), seen.last()) else { return };
         if ((last.frame - first.frame) as usize) < MAX_FRAMES {
-            self.push(place, &seen);
+            self.push(position, &seen);
             return;
         }
         // Multiples of the golden section spread evenly whatever their number.
         let shift = (point as f64 * 0.618_033_988_749_895).fract() * MAX_FRAMES as f64;
         let piece = |o: &&Observation| (o.frame as usize + shift as usize) / MAX_FRAMES;
         for part in seen.chunk_by(|a, b| piece(a) == piece(b)).filter(|part| part.len() > 2) {
-            if let Some(place) = anchored_at(&place, part[0].frame, scene) {
-                self.push(place, part);
+            if let Some(position) = anchored_at(&position, part[0].frame, scene) {
+                self.push(position, part);
             }
         }
     }
 
-    fn push(&mut self, place: ScenePoint, seen: &[&Observation]) {
+    fn push(&mut self, position: ScenePoint, seen: &[&Observation]) {
         let point = self.scene.points.len() as u32;
-        self.scene.points.push(Some(place));
+        self.scene.points.push(Some(position));
         self.observations.extend(seen.iter().map(|o| Observation { point, ..**o }));
     }
 }
 
-fn sightings<'a>(table: &'a TrackTable, scene: &'a Scene, point: usize) -> impl Iterator<Item = &'a Observation> {
+fn known_observations<'a>(
+    table: &'a TrackTable,
+    scene: &'a Scene,
+    point: usize,
+) -> impl Iterator<Item = &'a Observation> {
     table.of_point(point).filter(|o| scene.poses[o.frame as usize].is_some())
 }
 
 /// The same point as another frame sees it; `None` where it lies behind that one.
-fn anchored_at(place: &ScenePoint, frame: u32, scene: &Scene) -> Option<ScenePoint> {
-    let (pose, anchor) = (scene.poses[frame as usize]?, scene.poses[place.anchor as usize]?);
-    let seen = place.scaled_in(&pose, &anchor);
+fn anchored_at(position: &ScenePoint, frame: u32, scene: &Scene) -> Option<ScenePoint> {
+    let (pose, anchor) = (scene.poses[frame as usize]?, scene.poses[position.anchor as usize]?);
+    let seen = position.scaled_in(&pose, &anchor);
     (seen.z > 0.0).then(|| ScenePoint {
         anchor: frame,
         ray: seen.xy() / seen.z,
-        inverse_depth: place.inverse_depth / seen.z,
+        inverse_depth: position.inverse_depth / seen.z,
     })
 }
 
 /// Indices of the points to take, ascending.
 fn chosen(table: &TrackTable, scene: &Scene, per_frame: usize) -> Vec<usize> {
-    let length = |p: usize| sightings(table, scene, p).count();
+    let length = |p: usize| known_observations(table, scene, p).count();
     let known = (0..table.points()).filter(|&p| scene.points[p].is_some());
     let mut order: Vec<(usize, usize)> = known.map(|p| (length(p), p)).filter(|(length, _)| *length > 1).collect();
     order.sort_unstable_by_key(|&(length, p)| (std::cmp::Reverse(length.min(MAX_FRAMES)), scattered(p)));
-    let mut held = Held::new(table.frames(), per_frame);
+    let mut selection = Selection::new(table.frames(), per_frame);
     let mut taken = Vec::new();
     for (length, point) in order {
         let wanted = |o: &&Observation| {
-            if length < SHORT { held.is_starved(o) } else { held.wants(o, cell_of(table, o)) }
+            if length < SHORT { selection.is_starved(o) } else { selection.wants(o, cell_of(table, o)) }
         };
-        if 2 * sightings(table, scene, point).filter(wanted).count() >= length {
-            sightings(table, scene, point).for_each(|o| held.take(o, cell_of(table, o)));
+        if 2 * known_observations(table, scene, point).filter(wanted).count() >= length {
+            known_observations(table, scene, point).for_each(|o| selection.take(o, cell_of(table, o)));
             taken.push(point);
         }
     }
@@ -104,14 +108,14 @@ fn chosen(table: &TrackTable, scene: &Scene, per_frame: usize) -> Vec<usize> {
     taken
 }
 
-/// Sightings taken so far.
-struct Held {
+/// Observations taken so far.
+struct Selection {
     per_frame: usize,
     in_cell: Vec<usize>,
     in_frame: Vec<usize>,
 }
 
-impl Held {
+impl Selection {
     fn new(frames: usize, per_frame: usize) -> Self {
         Self { per_frame, in_cell: vec![0; frames * CELLS.0 * CELLS.1], in_frame: vec![0; frames] }
     }
@@ -179,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn every_frame_keeps_about_as_many_sightings_as_asked_for_and_each_cell_its_part() {
+    fn every_frame_keeps_about_the_requested_observations_spread_over_the_cells() {
         let (table, scene) = walk(60, 40, 20);
         let sample = Sample::of(&table, &scene, 200);
         for (frame, count) in per_frame(&sample).into_iter().enumerate().take(57).skip(3) {

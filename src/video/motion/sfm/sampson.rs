@@ -19,9 +19,9 @@ use nalgebra::{Const, DimMin, Matrix3, SMatrix, SVector};
 use super::correspondence::Correspondence;
 
 /// Energy falls by less than this share: the minimum is reached.
-const SETTLED: f64 = 1e-12;
+const TOLERANCE: f64 = 1e-12;
 
-/// A place in a `P`-dimensional family of matrices, with local coordinates around it.
+/// A point of a `P`-dimensional family of matrices, with local coordinates around it.
 pub(super) trait Chart<const P: usize>: Clone {
     /// `M` here.
     fn matrix(&self) -> Matrix3<f64>;
@@ -29,7 +29,7 @@ pub(super) trait Chart<const P: usize>: Clone {
     /// `∂M/∂θₖ` here.
     fn tangents(&self) -> [Matrix3<f64>; P];
 
-    /// The place at local coordinates `step`.
+    /// The point at local coordinates `step`.
     fn moved(&self, step: &SVector<f64, P>) -> Self;
 }
 
@@ -49,13 +49,13 @@ pub(super) struct NormalEquations<const P: usize> {
     pub(super) energy: f64,
 }
 
-/// The normal equations at `place`.
+/// The normal equations at `at`.
 pub(super) fn normal_equations<const P: usize, C: Chart<P>>(
-    place: &C,
+    at: &C,
     pairs: &[Correspondence],
     weights: &[f64],
 ) -> NormalEquations<P> {
-    let (m, tangents): (Matrix3<f64>, [Matrix3<f64>; P]) = (place.matrix(), place.tangents());
+    let (m, tangents): (Matrix3<f64>, [Matrix3<f64>; P]) = (at.matrix(), at.tangents());
     let mut sum = NormalEquations::<P> { normal: SMatrix::zeros(), gradient: SVector::zeros(), energy: 0.0 };
     for (c, &w) in pairs.iter().zip(weights) {
         let (line, back) = (m * c.first, m.tr_mul(&c.second));
@@ -77,16 +77,16 @@ pub(super) fn normal_equations<const P: usize, C: Chart<P>>(
     sum
 }
 
-/// `Σ w r²` at `place`.
-pub(super) fn energy<const P: usize, C: Chart<P>>(place: &C, pairs: &[Correspondence], weights: &[f64]) -> f64 {
-    let m = place.matrix();
+/// `Σ w r²` at `at`.
+pub(super) fn energy<const P: usize, C: Chart<P>>(at: &C, pairs: &[Correspondence], weights: &[f64]) -> f64 {
+    let m = at.matrix();
     let carrying = pairs.iter().zip(weights).filter(|(_, w)| **w > 0.0);
     carrying.map(|(c, w)| w * squared_distance(&m, c)).sum()
 }
 
-/// The place of least `Σ w r²` near `start`, after at most `steps` steps.
+/// The minimum of `Σ w r²` near `initial`, after at most `steps` steps.
 pub(super) fn refined<const P: usize, C: Chart<P>>(
-    start: C,
+    initial: C,
     pairs: &[Correspondence],
     weights: &[f64],
     steps: usize,
@@ -94,38 +94,38 @@ pub(super) fn refined<const P: usize, C: Chart<P>>(
 where
     Const<P>: DimMin<Const<P>, Output = Const<P>>,
 {
-    let (mut place, mut damping) = (start, 1e-4);
-    let mut here = normal_equations(&place, pairs, weights);
+    let (mut at, mut damping) = (initial, 1e-4);
+    let mut here = normal_equations(&at, pairs, weights);
     for _ in 0..steps {
         let mut damped = here.normal;
         for k in 0..P {
             damped[(k, k)] += damping * here.normal[(k, k)].max(1e-12 * here.normal.trace());
         }
         let Some(factor) = damped.cholesky() else { break };
-        let next = place.moved(&-factor.solve(&here.gradient));
+        let next = at.moved(&-factor.solve(&here.gradient));
         let there = energy(&next, pairs, weights);
         if there < here.energy {
-            let settled = here.energy - there <= SETTLED * here.energy;
-            (place, damping) = (next, damping * 0.1);
+            let settled = here.energy - there <= TOLERANCE * here.energy;
+            (at, damping) = (next, damping * 0.1);
             if settled {
                 break;
             }
-            here = normal_equations(&place, pairs, weights);
+            here = normal_equations(&at, pairs, weights);
         } else {
             damping *= 10.0;
         }
     }
-    place
+    at
 }
 
 /// Checks the tangents of a chart against central differences of [`Chart::moved`].
 #[cfg(test)]
-pub(super) fn assert_tangents<const P: usize, C: Chart<P>>(place: &C) {
+pub(super) fn assert_tangents<const P: usize, C: Chart<P>>(at: &C) {
     let h = 1e-6;
-    for (k, tangent) in place.tangents().iter().enumerate() {
+    for (k, tangent) in at.tangents().iter().enumerate() {
         let mut step = SVector::<f64, P>::zeros();
         step[k] = h;
-        let numeric = (place.moved(&step).matrix() - place.moved(&-step).matrix()) / (2.0 * h);
+        let numeric = (at.moved(&step).matrix() - at.moved(&-step).matrix()) / (2.0 * h);
         assert!((numeric - tangent).norm() < 1e-8, "tangent {k}: {numeric} against {tangent}");
     }
 }

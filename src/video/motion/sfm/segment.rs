@@ -31,14 +31,14 @@ impl Segment {
             return Self { figures, ..Self::unknown(frames, verdict, reason) };
         }
         let camera = |pose: &Option<CameraPose>| pose.map(|pose| FrameCamera { pose, intrinsics: scene.intrinsics });
-        let place = |p: u32| {
+        let position = |p: u32| {
             let point = scene.points[p as usize]?;
             Some((table.id(p), point.in_world(&scene.poses[point.anchor as usize]?)?))
         };
         Self {
             frames,
             cameras: scene.poses.iter().map(camera).collect(),
-            points: (0..table.points() as u32).filter_map(place).collect(),
+            points: (0..table.points() as u32).filter_map(position).collect(),
             verdict,
             reason,
             figures,

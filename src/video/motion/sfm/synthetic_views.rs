@@ -80,9 +80,9 @@ impl TwoViews {
         self
     }
 
-    /// Replaces the second view of the first `share` of the points by random places in the picture.
-    pub(super) fn with_outliers(mut self, share: f64, rng: &mut fastrand::Rng) -> Self {
-        let wrong = (share * self.correspondences.len() as f64) as usize;
+    /// Replaces the second view of the first `fraction` of the points by random places in the picture.
+    pub(super) fn with_outliers(mut self, fraction: f64, rng: &mut fastrand::Rng) -> Self {
+        let wrong = (fraction * self.correspondences.len() as f64) as usize;
         for c in &mut self.correspondences[..wrong] {
             c.second = Vec3::new(1.1 * (rng.f64() - 0.5), 0.62 * (rng.f64() - 0.5), 1.0);
         }

@@ -25,12 +25,12 @@ const POLISH_STEPS: usize = 5;
 /// Points nearer to a line than this share of their distances, or rays nearer to each other, determine no pose.
 const DEGENERATE: f64 = 1e-9;
 
-/// Distances, relative to the largest, that a solution may miss.
+/// Distances, relative to the largest, that a solution may residual.
 const ACCEPTED: f64 = 1e-10;
 
 /// A known point and where a calibrated camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sighting {
+pub struct PointRay {
     /// In the world.
     pub point: Point3,
     /// Normalized image coordinates.
@@ -39,7 +39,7 @@ pub struct Sighting {
 
 /// All poses `cam_from_world` from which three points are seen in front, pushed to `poses`: at most four, none for points on a
 /// line.
-pub fn three_point(sample: &[Sighting; 3], poses: &mut Vec<CameraPose>) {
+pub fn three_point(sample: &[PointRay; 3], poses: &mut Vec<CameraPose>) {
     let x = sample.map(|s| s.point.coords);
     let y = sample.map(|s| s.ray.push(1.0).normalize());
     let sides = Vec3::new((x[0] - x[1]).norm_squared(), (x[0] - x[2]).norm_squared(), (x[1] - x[2]).norm_squared());
@@ -103,11 +103,11 @@ impl Triangle {
     }
 
     fn polished(&self, mut l: Vec3) -> Option<Vec3> {
-        let mut miss = Vec3::zeros();
+        let mut residual = Vec3::zeros();
         for step in 0..=POLISH_STEPS {
             let forms = [self.form(0) * l, self.form(1) * l, self.form(2) * l];
-            miss = Vec3::from_fn(|k, _| l.dot(&forms[k]) - self.sides[k]);
-            if step == POLISH_STEPS || miss.amax() < 1e-16 {
+            residual = Vec3::from_fn(|k, _| l.dot(&forms[k]) - self.sides[k]);
+            if step == POLISH_STEPS || residual.amax() < 1e-16 {
                 break;
             }
             let slope = Matrix3::from_rows(&[
@@ -115,9 +115,9 @@ impl Triangle {
                 2.0 * forms[1].transpose(),
                 2.0 * forms[2].transpose(),
             ]);
-            l -= slope.lu().solve(&miss)?;
+            l -= slope.lu().solve(&residual)?;
         }
-        (miss.amax() < ACCEPTED && l.iter().all(|v| *v > 0.0)).then_some(l)
+        (residual.amax() < ACCEPTED && l.iter().all(|v| *v > 0.0)).then_some(l)
     }
 }
 
@@ -187,11 +187,11 @@ mod tests {
     use crate::motion::sfm::synthetic_views::{TwoViews, random_pose, rotation_error};
 
     /// Three points of the first camera, seen by the second.
-    fn sample(seed: u64) -> (CameraPose, [Sighting; 3]) {
+    fn sample(seed: u64) -> (CameraPose, [PointRay; 3]) {
         let mut rng = fastrand::Rng::with_seed(seed);
         let views = TwoViews::general(random_pose(&mut rng, 1.0, 1.5), 3, &mut rng);
-        let sighting = |k: usize| Sighting { point: views.points[k], ray: views.correspondences[k].second.xy() };
-        (views.second_from_first, std::array::from_fn(sighting))
+        let observation = |k: usize| PointRay { point: views.points[k], ray: views.correspondences[k].second.xy() };
+        (views.second_from_first, std::array::from_fn(observation))
     }
 
     #[test]
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn points_on_a_line_have_no_pose() {
-        let at = |t: f64| Sighting { point: Point3::new(t, 0.5 * t, 5.0), ray: Vec2::new(t / 5.0, t / 10.0) };
+        let at = |t: f64| PointRay { point: Point3::new(t, 0.5 * t, 5.0), ray: Vec2::new(t / 5.0, t / 10.0) };
         let mut poses = Vec::new();
         three_point(&[at(-1.0), at(0.2), at(1.0)], &mut poses);
         assert!(poses.is_empty());

@@ -123,7 +123,7 @@ impl TrackTable {
         &self.observations[self.frame_starts[frame]..self.frame_starts[frame + 1]]
     }
 
-    /// The sightings of a point, by frame.
+    /// The observations of a point, by frame.
     pub fn of_point(&self, point: usize) -> impl DoubleEndedIterator<Item = &Observation> + Clone {
         let range = self.point_starts[point]..self.point_starts[point + 1];
         self.by_point[range].iter().map(|&k| &self.observations[k as usize])

@@ -15,7 +15,7 @@ use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Vec2;
 
 /// Rounds of reweighting: the depth factors change by a few percent at most, so that the second round is already accurate.
-const ROUNDS: usize = 4;
+const ITERATIONS: usize = 4;
 
 /// One more view of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,13 +44,13 @@ pub struct Triangulated {
 pub fn triangulate(anchor: Vec2, views: &[View]) -> Option<Triangulated> {
     let m = anchor.push(1.0);
     let mut w = 0.0;
-    for _ in 0..ROUNDS {
+    for _ in 0..ITERATIONS {
         let (mut ab, mut bb) = (0.0, 0.0);
         for view in views {
-            let (turned, t) = (view.view_from_anchor.rotation * m, view.view_from_anchor.translation);
-            let depth = turned.z + w * t.z;
+            let (rotated, t) = (view.view_from_anchor.rotation * m, view.view_from_anchor.translation);
+            let depth = rotated.z + w * t.z;
             let factor = if depth > 0.0 { 1.0 / (depth * depth) } else { 1.0 };
-            let (a, b) = (turned.xy() - view.ray * turned.z, t.xy() - view.ray * t.z);
+            let (a, b) = (rotated.xy() - view.ray * rotated.z, t.xy() - view.ray * t.z);
             ab += factor * a.dot(&b);
             bb += factor * b.dot(&b);
         }
@@ -61,13 +61,13 @@ pub fn triangulate(anchor: Vec2, views: &[View]) -> Option<Triangulated> {
     }
     let (mut angle, mut squares) = (0.0_f64, 0.0);
     for view in views {
-        let turned: Vec3 = view.view_from_anchor.rotation * m;
-        let seen = turned + view.view_from_anchor.translation * w;
+        let rotated: Vec3 = view.view_from_anchor.rotation * m;
+        let seen = rotated + view.view_from_anchor.translation * w;
         if !(seen.z > 0.0) {
             return None;
         }
         squares += (seen.xy() / seen.z - view.ray).norm_squared();
-        angle = angle.max(turned.angle(&view.ray.push(1.0)));
+        angle = angle.max(rotated.angle(&view.ray.push(1.0)));
     }
     Some(Triangulated { inverse_depth: w, angle, residual: (squares / views.len() as f64).sqrt() })
 }
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn infinity_has_inverse_depth_zero_and_a_turning_camera_tells_no_depth() {
+    fn infinity_has_inverse_depth_zero_and_a_rotating_camera_determines_no_depth() {
         let mut rng = fastrand::Rng::with_seed(4);
         let pose = random_pose(&mut rng, 0.3, 1.0);
         let anchor = Vec2::new(0.1, 0.2);

@@ -1,7 +1,7 @@
 //! What two frames say about the camera between them: it moved, it moved before a plane, it only turned, or nothing.
 //!
 //! Four models are fitted to the pairs, each by robust search: a homography `H`, the homography of a turning camera
-//! `K R K⁻¹` with its focal length free ([`super::fit_turn`]), an essential matrix `E` at the assumed focal length and a
+//! `K R K⁻¹` with its focal length free ([`super::fit_conjugate_rotation`]), an essential matrix `E` at the assumed focal length and a
 //! fundamental matrix `F`. The noise `σ` is measured on the residuals of `F`, the most general one, and [`super::gric`]
 //! chooses:
 //!
@@ -24,7 +24,7 @@ use super::fundamental::ByFundamental;
 use super::gric::{ModelSize, gric};
 use super::homography_poses::{calibrated_homography, visible_planar_poses};
 use super::homography_search::ByPlane;
-use super::rotation_fit::{Turn, conjugate_rotation, fit_turn, homography_squared_distance};
+use super::rotation_fit::{ConjugateRotation, conjugate_rotation, fit_conjugate_rotation, homography_squared_distance};
 use super::sampson;
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::median;
@@ -48,11 +48,11 @@ pub struct TwoViewOptions {
     /// Distance at which a pair is an outlier, > 0.
     pub threshold: f64,
     /// Noise that is assumed at least, > 0: with exact data any parallax, however small, would count.
-    pub least_noise: f64,
+    pub min_noise: f64,
     /// How far the assumed focal length may be off, as a factor ≥ 1, when a turn is looked for.
-    pub focal_doubt: f64,
+    pub max_focal_ratio: f64,
     /// Fewest pairs that are asked, and that a model must explain.
-    pub least_pairs: usize,
+    pub min_pairs: usize,
     /// Seed of the searches.
     pub seed: u64,
 }
@@ -60,7 +60,7 @@ pub struct TwoViewOptions {
 impl TwoViewOptions {
     /// Two pixels' tolerance and a twentieth's least noise at an assumed focal length, px, that may be off by 1.8.
     pub fn for_focal(focal_px: f64) -> Self {
-        Self { threshold: 2.0 / focal_px, least_noise: 0.05 / focal_px, focal_doubt: 1.8, least_pairs: 24, seed: 0 }
+        Self { threshold: 2.0 / focal_px, min_noise: 0.05 / focal_px, max_focal_ratio: 1.8, min_pairs: 24, seed: 0 }
     }
 }
 
@@ -87,7 +87,7 @@ pub struct TwoViewScores {
     /// Homography.
     pub homography: f64,
     /// Turning camera.
-    pub turn: f64,
+    pub rotation: f64,
 }
 
 /// The relation of two views.
@@ -104,11 +104,11 @@ pub struct TwoView {
     pub median_angle: f64,
     /// Share of the pairs within the threshold of `E` or `F` that a turn, focal length free, misses by more than three times
     /// the noise.
-    pub parallax_share: f64,
+    pub parallax_ratio: f64,
     /// Noise per coordinate, normalized image coordinates.
     pub noise: f64,
     /// The best turn of the camera; `None` where none was found.
-    pub turn: Option<Turn>,
+    pub rotation: Option<ConjugateRotation>,
     /// Scores of all models.
     pub scores: TwoViewScores,
 }
@@ -118,19 +118,19 @@ pub struct TwoView {
 /// # Errors
 /// [`Stopped`].
 pub fn two_view(pairs: &[Correspondence], options: &TwoViewOptions, run: &Run) -> Result<TwoView, Stopped> {
-    if pairs.len() < options.least_pairs {
+    if pairs.len() < options.min_pairs {
         return Ok(TwoView::degenerate(pairs.len()));
     }
     let fits = Fits::new(pairs, options, run)?;
     let noise = fits.noise(pairs, options);
     let scores = fits.scores(pairs, noise);
     let epipolar = scores.essential.min(scores.fundamental);
-    let flat = scores.homography.min(scores.turn);
+    let flat = scores.homography.min(scores.rotation);
     let verdict = if !epipolar.min(flat).is_finite() {
         TwoViewVerdict::Degenerate
-    } else if epipolar < flat && fits.parallax_share(pairs, options, noise) >= MIN_PARALLAX_RATIO {
+    } else if epipolar < flat && fits.parallax_ratio(pairs, options, noise) >= MIN_PARALLAX_RATIO {
         TwoViewVerdict::General
-    } else if scores.homography < scores.turn {
+    } else if scores.homography < scores.rotation {
         TwoViewVerdict::Planar
     } else {
         TwoViewVerdict::RotationOnly
@@ -146,10 +146,10 @@ impl TwoView {
             poses: Vec::new(),
             inliers: vec![false; pairs],
             median_angle: 0.0,
-            parallax_share: 0.0,
+            parallax_ratio: 0.0,
             noise: 0.0,
-            turn: None,
-            scores: TwoViewScores { essential: none, fundamental: none, homography: none, turn: none },
+            rotation: None,
+            scores: TwoViewScores { essential: none, fundamental: none, homography: none, rotation: none },
         }
     }
 }
@@ -160,29 +160,29 @@ struct Fits {
     fundamental: Option<Matrix3<f64>>,
     homography: Option<Matrix3<f64>>,
     /// With the number of its parameters: three at the assumed focal length, four where another one is better.
-    turn: Option<(Turn, u32)>,
+    rotation: Option<(ConjugateRotation, u32)>,
 }
 
 impl Fits {
     fn new(pairs: &[Correspondence], options: &TwoViewOptions, run: &Run) -> Result<Self, Stopped> {
         let homography = search(&ByPlane(pairs), options, 500, run)?;
-        let turn = best_turn(homography.as_ref(), pairs, options);
+        let rotation = best_rotation(homography.as_ref(), pairs, options);
         Ok(Self {
             essential: search(&ByEssential::of(pairs), options, 500, run)?,
             fundamental: search(&ByFundamental::of(pairs), options, 1000, run)?,
             homography,
-            turn,
+            rotation,
         })
     }
 
     /// Standard deviation per coordinate, from the inliers of the most general model: robustly at first, then by the root
     /// mean square within three times that.
     fn noise(&self, pairs: &[Correspondence], options: &TwoViewOptions) -> f64 {
-        let Some(model) = self.fundamental.or(self.essential) else { return options.least_noise };
+        let Some(model) = self.fundamental.or(self.essential) else { return options.min_noise };
         let mut squared: Vec<f64> = pairs.iter().map(|p| sampson::squared_distance(&model, p)).collect();
         squared.retain(|r| *r < options.threshold * options.threshold);
         if squared.len() < 8 {
-            return options.least_noise;
+            return options.min_noise;
         }
         squared.sort_by(f64::total_cmp);
         // The median of |r| of a normal variable is 0.6745 standard deviations.
@@ -190,26 +190,26 @@ impl Fits {
         let near = squared.iter().take_while(|r| **r <= 9.0 * rough);
         let (count, sum) = near.fold((0.0, 0.0), |(n, s), r| (n + 1.0, s + r));
         let freedom = f64::max(count - 7.0, 1.0);
-        (sum / freedom).sqrt().max(options.least_noise)
+        (sum / freedom).sqrt().max(options.min_noise)
     }
 
     fn scores(&self, pairs: &[Correspondence], noise: f64) -> TwoViewScores {
         let score = |model: Option<Matrix3<f64>>, distance: fn(&Matrix3<f64>, &Correspondence) -> f64, size| {
             model.map_or(f64::INFINITY, |m| gric(pairs.iter().map(|p| distance(&m, p)), noise, size))
         };
-        let turn = self.turn.map(|(t, _)| t.homography());
-        let turn_size = ModelSize { parameters: self.turn.map_or(4, |(_, k)| k), ..ModelSize::TURN };
+        let rotation = self.rotation.map(|(t, _)| t.homography());
+        let rotation_size = ModelSize { parameters: self.rotation.map_or(4, |(_, k)| k), ..ModelSize::ROTATION };
         TwoViewScores {
             essential: score(self.essential, sampson::squared_distance, ModelSize::ESSENTIAL),
             fundamental: score(self.fundamental, sampson::squared_distance, ModelSize::FUNDAMENTAL),
             homography: score(self.homography, homography_squared_distance, ModelSize::HOMOGRAPHY),
-            turn: score(turn, homography_squared_distance, turn_size),
+            rotation: score(rotation, homography_squared_distance, rotation_size),
         }
     }
 
     /// Share of the pairs on epipolar lines (within the threshold) that the turn misses by more than three times the noise.
-    fn parallax_share(&self, pairs: &[Correspondence], options: &TwoViewOptions, noise: f64) -> f64 {
-        let Some(turn) = self.turn.map(|(t, _)| t.homography()) else { return 1.0 };
+    fn parallax_ratio(&self, pairs: &[Correspondence], options: &TwoViewOptions, noise: f64) -> f64 {
+        let Some(rotation) = self.rotation.map(|(t, _)| t.homography()) else { return 1.0 };
         let limit = options.threshold * options.threshold;
         let explained = |p: &Correspondence| {
             let by = |m: Option<Matrix3<f64>>| m.is_some_and(|m| sampson::squared_distance(&m, p) < limit);
@@ -219,7 +219,7 @@ impl Fits {
         for pair in pairs.iter().filter(|p| explained(p)) {
             count += 1.0;
             // r² of a turn has two degrees of freedom where a single coordinate has one.
-            moved += f64::from(homography_squared_distance(&turn, pair) > 2.0 * 9.0 * noise * noise);
+            moved += f64::from(homography_squared_distance(&rotation, pair) > 2.0 * 9.0 * noise * noise);
         }
         moved / count.max(1.0)
     }
@@ -234,7 +234,7 @@ impl Fits {
             }
             TwoViewVerdict::Planar => self.homography.map_or(far, |h| homography_squared_distance(&h, pair)),
             TwoViewVerdict::RotationOnly => {
-                self.turn.map_or(far, |(t, _)| homography_squared_distance(&t.homography(), pair))
+                self.rotation.map_or(far, |(t, _)| homography_squared_distance(&t.homography(), pair))
             }
             TwoViewVerdict::Degenerate => far,
         }
@@ -252,13 +252,13 @@ impl Fits {
         let inliers: Vec<bool> = pairs.iter().map(|p| self.explains(verdict, &scores, p) < limit).collect();
         let count = inliers.iter().filter(|i| **i).count();
         let poses = self.poses(verdict, pairs, &inliers, options);
-        if count < options.least_pairs || (count as f64) < MIN_SUPPORT * pairs.len() as f64 || poses.is_empty() {
+        if count < options.min_pairs || (count as f64) < MIN_SUPPORT * pairs.len() as f64 || poses.is_empty() {
             return TwoView { noise, scores, ..TwoView::degenerate(pairs.len()) };
         }
-        let turn = self.turn.map(|(t, _)| t);
+        let rotation = self.rotation.map(|(t, _)| t);
         let median_angle = median_angle(&poses[0], pairs, &inliers);
-        let parallax_share = self.parallax_share(pairs, options, noise);
-        TwoView { verdict, poses, inliers, median_angle, parallax_share, noise, turn, scores }
+        let parallax_ratio = self.parallax_ratio(pairs, options, noise);
+        TwoView { verdict, poses, inliers, median_angle, parallax_ratio, noise, rotation, scores }
     }
 
     fn poses(
@@ -279,8 +279,9 @@ impl Fits {
                 })
             }
             TwoViewVerdict::RotationOnly => {
-                let still = |(t, _): (Turn, u32)| CameraPose { rotation: t.rotation, translation: Vec3::zeros() };
-                self.turn.map(still).into_iter().collect()
+                let still =
+                    |(t, _): (ConjugateRotation, u32)| CameraPose { rotation: t.rotation, translation: Vec3::zeros() };
+                self.rotation.map(still).into_iter().collect()
             }
             TwoViewVerdict::Degenerate => Vec::new(),
         }
@@ -299,14 +300,18 @@ fn search<P: Consensus>(
 }
 
 /// The better of the turns at the assumed and at a free focal length, as GRIC would choose at a noise of half a threshold.
-fn best_turn(h: Option<&Matrix3<f64>>, pairs: &[Correspondence], options: &TwoViewOptions) -> Option<(Turn, u32)> {
-    let fixed_start = conjugate_rotation(h?, 1.0)?.0;
-    let free_start = conjugate_rotation(h?, options.focal_doubt)?.0;
-    let free = fit_turn(free_start, pairs, options.threshold, options.focal_doubt);
-    let fixed = fit_turn(fixed_start, pairs, options.threshold, 1.0);
-    let score = |turn: &Turn, parameters| {
-        let h = turn.homography();
-        let size = ModelSize { parameters, ..ModelSize::TURN };
+fn best_rotation(
+    h: Option<&Matrix3<f64>>,
+    pairs: &[Correspondence],
+    options: &TwoViewOptions,
+) -> Option<(ConjugateRotation, u32)> {
+    let fixed_initial = conjugate_rotation(h?, 1.0)?.0;
+    let free_initial = conjugate_rotation(h?, options.max_focal_ratio)?.0;
+    let free = fit_conjugate_rotation(free_initial, pairs, options.threshold, options.max_focal_ratio);
+    let fixed = fit_conjugate_rotation(fixed_initial, pairs, options.threshold, 1.0);
+    let score = |rotation: &ConjugateRotation, parameters| {
+        let h = rotation.homography();
+        let size = ModelSize { parameters, ..ModelSize::ROTATION };
         gric(pairs.iter().map(|p| homography_squared_distance(&h, p)), 0.25 * options.threshold, size)
     };
     Some(if score(&fixed, 3) <= score(&free, 4) { (fixed, 3) } else { (free, 4) })
@@ -344,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turning_camera_is_called_one_whatever_the_assumed_focal_length() {
+    fn a_rotating_camera_is_recognized_at_any_assumed_focal_length() {
         for ratio in [0.6, 1.0 / 1.4, 1.0, 1.4, 1.0 / 0.6] {
             for seed in 0..10 {
                 let mut rng = fastrand::Rng::with_seed(seed);
@@ -363,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_moves_through_depth_is_called_general_and_its_pose_is_found() {
+    fn a_camera_moving_through_depth_is_general_and_its_pose_is_found() {
         for seed in 0..10 {
             let mut rng = fastrand::Rng::with_seed(seed);
             let pose = random_pose(&mut rng, 0.15, 0.5);
@@ -373,13 +378,13 @@ mod tests {
             assert_eq!(found.verdict, TwoViewVerdict::General, "seed {seed}: {:?}", found.scores);
             assert!(rotation_error(&found.poses[0], &pose) < 0.3_f64.to_radians(), "seed {seed}");
             assert!(direction_error(&found.poses[0], &pose) < 4.0_f64.to_radians(), "seed {seed}");
-            assert!(found.median_angle > 0.01 && found.parallax_share > 0.5, "seed {seed}");
+            assert!(found.median_angle > 0.01 && found.parallax_ratio > 0.5, "seed {seed}");
             assert!((found.noise * FOCAL - 0.3).abs() < 0.06, "seed {seed}: {}", found.noise * FOCAL);
         }
     }
 
     #[test]
-    fn depth_is_seen_at_a_wrong_focal_length_too() {
+    fn depth_is_recognized_at_a_wrong_focal_length() {
         for ratio in [0.7, 1.4] {
             let mut rng = fastrand::Rng::with_seed(3);
             let pairs = noisy(TwoViews::general(random_pose(&mut rng, 0.15, 0.7), 250, &mut rng), ratio, &mut rng);
@@ -390,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_is_called_one_and_a_candidate_is_the_pose() {
+    fn a_plane_is_recognized_and_a_candidate_is_the_pose() {
         for seed in 0..10 {
             let mut rng = fastrand::Rng::with_seed(seed);
             let pose = random_pose(&mut rng, 0.15, 1.0);
@@ -406,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_alone_few_pairs_and_a_still_camera_invent_nothing() {
+    fn noise_few_pairs_and_a_still_camera_give_no_translation() {
         let mut rng = fastrand::Rng::with_seed(4);
         let views = TwoViews::general(random_pose(&mut rng, 0.1, 1.0), 100, &mut rng);
         let scattered = views.clone().with_outliers(1.0, &mut rng);

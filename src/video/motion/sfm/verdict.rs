@@ -1,6 +1,6 @@
 //! What a reconstruction is worth, by its figures.
 //!
-//! Low residuals do not prove cameras, so a map counts as 3D only where its depths foretell sightings that were held out
+//! Low residuals do not prove cameras, so a map counts as 3D only where its depths foretell observations that were held out
 //! better than homographies do ([`super::prediction`]), in enough of the frames and of the picture, and where the focal
 //! length is determined.
 
@@ -9,13 +9,13 @@ use super::figures::SfmFigures;
 /// Triangulation angle, rad, median over points, from which on two frames carry a map: 3 px at usual focal lengths. Whether
 /// the map is worth anything is seen when it is whole.
 pub(super) const MIN_ANGLE: f64 = 0.006;
-/// Misses of sightings foretold by depth, as a share of those of homographies, at most. Measured: scenes with depth 0.34 to
+/// Misses of observations predicted by depth, as a share of those of homographies, at most. Measured: scenes with depth 0.34 to
 /// 0.64 (0.77 where the camera walks down a street, towards what it sees); made-up depths of cameras that turn or stand still,
 /// 1.4 to 1.6; planes, on which a depth is one parameter too many, 2.
 const MAX_PREDICTED_FRACTION: f64 = 0.9;
-/// Sightings that must have been foretold for the test to count.
+/// Observations that must have been predicted for the test to count.
 const MIN_PREDICTED: usize = 100;
-/// Parallax, in RMS residuals, median over points, from which on depth is believed where too little was foretold: a tenth of
+/// Parallax, in RMS residuals, median over points, from which on depth is believed where too little was predicted: a tenth of
 /// its depth is then known of a point seen twice.
 const MIN_PARALLAX: f64 = 10.0;
 /// The same, from which on depths that foretell no better than homographies are those of a plane: made-up ones reached 9, planes
@@ -61,22 +61,25 @@ impl SfmVerdict {
 
 /// Whether the depths of a map are more than made up.
 pub(super) fn predicts(f: &SfmFigures) -> bool {
-    if f.foretold < MIN_PREDICTED {
+    if f.predicted < MIN_PREDICTED {
         return f.angle > 0.0 && f.angle * f.focal >= MIN_PARALLAX * f.rms_px;
     }
-    f.foretold_px <= MAX_PREDICTED_FRACTION * f.flat_px
+    f.predicted_px <= MAX_PREDICTED_FRACTION * f.homography_px
 }
 
 /// Whether a camera moved before a plane: homographies foretell as well, under angles that nobody makes up.
 fn is_plane(f: &SfmFigures) -> bool {
-    f.foretold >= MIN_PREDICTED && !predicts(f) && f.flat_px > 0.0 && f.angle * f.focal >= PLANE_PARALLAX * f.rms_px
+    f.predicted >= MIN_PREDICTED
+        && !predicts(f)
+        && f.homography_px > 0.0
+        && f.angle * f.focal >= PLANE_PARALLAX * f.rms_px
 }
 
 fn no_depth(f: &SfmFigures) -> String {
-    if f.foretold < MIN_PREDICTED {
+    if f.predicted < MIN_PREDICTED {
         return format!("points are seen under {:.2} degrees only, to {:.2} px", f.angle.to_degrees(), f.rms_px);
     }
-    format!("depth foretells points to {:.2} px, homographies to {:.2} px", f.foretold_px, f.flat_px)
+    format!("depth predicts points to {:.2} px, homographies to {:.2} px", f.predicted_px, f.homography_px)
 }
 
 /// Whether the figures bear the verdict.
@@ -119,9 +122,9 @@ mod tests {
             coverage: 0.9,
             focal: 600.0,
             sigma_ln_focal: Some(0.01),
-            foretold: 2000,
-            foretold_px: 1.0,
-            flat_px: 1.4,
+            predicted: 2000,
+            predicted_px: 1.0,
+            homography_px: 1.4,
         }
     }
 
@@ -134,17 +137,18 @@ mod tests {
     #[test]
     fn depth_counts_by_what_it_foretells_and_not_by_the_angle() {
         assert_eq!(verdict(|_| {}), SfmVerdict::ThreeD);
-        assert_eq!(verdict(|f| f.foretold_px = 1.3), SfmVerdict::Failed);
-        assert_eq!(verdict(|f| (f.foretold_px, f.angle) = (1.3, 0.019)), SfmVerdict::Failed);
-        assert_eq!(verdict(|f| (f.foretold_px, f.angle) = (1.3, 0.021)), SfmVerdict::Planar);
-        assert_eq!(verdict(|f| (f.foretold_px, f.angle, f.rms_px) = (1.3, 0.1, 1.6)), SfmVerdict::Failed);
+        assert_eq!(verdict(|f| f.predicted_px = 1.3), SfmVerdict::Failed);
+        assert_eq!(verdict(|f| (f.predicted_px, f.angle) = (1.3, 0.019)), SfmVerdict::Failed);
+        assert_eq!(verdict(|f| (f.predicted_px, f.angle) = (1.3, 0.021)), SfmVerdict::Planar);
+        assert_eq!(verdict(|f| (f.predicted_px, f.angle, f.rms_px) = (1.3, 0.1, 1.6)), SfmVerdict::Failed);
     }
 
     #[test]
     fn where_little_was_foretold_the_parallax_decides() {
-        let few = |angle: f64| verdict(|f| (f.foretold, f.foretold_px, f.flat_px, f.angle) = (20, 9.0, 1.0, angle));
+        let few =
+            |angle: f64| verdict(|f| (f.predicted, f.predicted_px, f.homography_px, f.angle) = (20, 9.0, 1.0, angle));
         assert_eq!((few(0.0066), few(0.0068)), (SfmVerdict::Failed, SfmVerdict::ThreeD));
-        assert_eq!(verdict(|f| (f.foretold, f.angle, f.rms_px) = (0, 0.0, 0.0)), SfmVerdict::Failed);
+        assert_eq!(verdict(|f| (f.predicted, f.angle, f.rms_px) = (0, 0.0, 0.0)), SfmVerdict::Failed);
     }
 
     #[test]
@@ -156,8 +160,8 @@ mod tests {
             |f| f.coverage = 0.3,
             |f| f.sigma_ln_focal = None,
             |f| f.sigma_ln_focal = Some(0.4),
-            |f| f.foretold_px = f64::NAN,
-            |f| f.flat_px = f64::NAN,
+            |f| f.predicted_px = f64::NAN,
+            |f| f.homography_px = f64::NAN,
         ];
         for (k, change) in changes.into_iter().enumerate() {
             assert_eq!(verdict(change), SfmVerdict::Failed, "change {k}");
@@ -167,7 +171,7 @@ mod tests {
 
     #[test]
     fn planes_and_turns_need_neither_depth_nor_focal_length() {
-        let figures = SfmFigures { foretold_px: 9.0, sigma_ln_focal: None, ..good() };
+        let figures = SfmFigures { predicted_px: 9.0, sigma_ln_focal: None, ..good() };
         for kind in [SfmVerdict::Planar, SfmVerdict::RotationOnly] {
             assert_eq!(judged(&figures, 0.0, kind, 1.0).0, kind);
         }

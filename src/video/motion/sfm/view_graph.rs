@@ -42,19 +42,19 @@ impl Edge {
     }
 }
 
-/// Judges the pairs of keyframes at an assumed lens that may be off by the factor `doubt`.
+/// Judges the pairs of keyframes at an assumed lens that may be off by the factor `max_focal_ratio`.
 pub(super) fn view_graph(
     table: &TrackTable,
     keys: &[usize],
     camera: &Intrinsics,
-    doubt: f64,
+    max_focal_ratio: f64,
     run: &Run,
 ) -> Result<Vec<Edge>, Stopped> {
     let pairs = STRIDES.iter().flat_map(|&s| (s..keys.len()).map(move |k| (keys[k - s], keys[k])));
     let pairs: Vec<(usize, usize)> = pairs.collect();
     // Tolerances in px hold at 640 px across.
     let unit = f64::from(table.width.max(table.height)) / 640.0;
-    let options = TwoViewOptions { focal_doubt: doubt, ..TwoViewOptions::for_focal(camera.focal / unit) };
+    let options = TwoViewOptions { max_focal_ratio: max_focal_ratio, ..TwoViewOptions::for_focal(camera.focal / unit) };
     let judged = pairs.par_iter().map(|&(first, second)| {
         let mut matches = table.shared(first, second);
         if matches.len() < MIN_SHARED {

@@ -1,6 +1,6 @@
 //! A shot of any length, solved in windows that overlap.
 //!
-//! A window is solved alone, so that memory holds the sightings of one window. Its focal length is known beforehand where
+//! A window is solved alone, so that memory holds the observations of one window. Its focal length is known beforehand where
 //! the window before told it. Neighbors are laid over each other by what they share ([`super::join`]); where they differ by
 //! more than may be seen, the shot is parted there and the parts keep coordinates of their own.
 //!
@@ -35,7 +35,7 @@ pub struct Windows {
 }
 
 impl Default for Windows {
-    /// 30 MB of sightings, and four seconds in which two windows see the same.
+    /// 30 MB of observations, and four seconds in which two windows see the same.
     fn default() -> Self {
         Self { longest: 800, length: 600, overlap: 120 }
     }
@@ -77,8 +77,8 @@ pub fn reconstruct_shot<E: From<Stopped>>(
             Ok::<_, E>(table)
         };
         let found = solved(window, &mut read, &options, DEPTH, run)?;
-        if let Some(told) = found.iter().rev().find_map(told_focal).filter(|_| options.focal.is_none()) {
-            options.focal = Some(told);
+        if let Some(focal) = found.iter().rev().find_map(focal_of).filter(|_| options.focal.is_none()) {
+            options.focal = Some(focal);
         }
         for segment in found {
             push(&mut segments, segment, unit);
@@ -88,7 +88,7 @@ pub fn reconstruct_shot<E: From<Stopped>>(
 }
 
 /// Focal length of a segment, and how surely it holds for the next one.
-fn told_focal(segment: &Segment) -> Option<(f64, f64)> {
+fn focal_of(segment: &Segment) -> Option<(f64, f64)> {
     let sigma = segment.figures.sigma_ln_focal.filter(|_| segment.verdict == SfmVerdict::ThreeD)?;
     Some((segment.figures.focal, (3.0 * sigma).max(STEADY_FOCAL)))
 }

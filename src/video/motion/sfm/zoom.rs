@@ -42,9 +42,9 @@ pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics, run: &Run) -> Re
 
 /// `ln s` of the factor that explains a pair best; 0 where none does clearly better than 1.
 fn vote(edge: &Edge, camera: &Intrinsics, run: &Run) -> Result<f64, Stopped> {
-    let (threshold, least_noise) = (4.0 * BLUR_PX / camera.focal, BLUR_PX / camera.focal);
+    let (threshold, min_noise) = (4.0 * BLUR_PX / camera.focal, BLUR_PX / camera.focal);
     let options =
-        TwoViewOptions { threshold, least_noise, focal_doubt: 1.0, ..TwoViewOptions::for_focal(camera.focal) };
+        TwoViewOptions { threshold, min_noise, max_focal_ratio: 1.0, ..TwoViewOptions::for_focal(camera.focal) };
     let mut scores = LN_FACTORS;
     for (score, ln) in scores.iter_mut().zip(LN_FACTORS) {
         let rays = edge.matches.iter().filter_map(|m| {
@@ -52,7 +52,7 @@ fn vote(edge: &Edge, camera: &Intrinsics, run: &Run) -> Result<f64, Stopped> {
             Some(Correspondence::new(a, b / ln.exp()))
         });
         let found = two_view(&rays.collect::<Vec<_>>(), &options, run)?.scores;
-        *score = found.essential.min(found.turn);
+        *score = found.essential.min(found.rotation);
     }
     let best = (0..scores.len()).fold(LN_FACTORS.len() / 2, |b, k| if scores[k] < scores[b] { k } else { b });
     let gain = scores[LN_FACTORS.len() / 2] - scores[best];
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_focal_length_that_grows_is_told_with_its_direction_and_a_constant_one_is_none() {
+    fn a_growing_focal_length_is_detected_with_its_direction_and_a_constant_one_is_not() {
         assert!(told(Course::Side, 0.01).is_some_and(|f| f > 1.05), "in: {:?}", told(Course::Side, 0.01));
         assert!(told(Course::Side, -0.01).is_some_and(|f| f < 0.95), "out: {:?}", told(Course::Side, -0.01));
         for course in [Course::Side, Course::Rotation, Course::Walk] {
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_told_without_pairs() {
+    fn without_pairs_no_zoom_is_detected() {
         assert_eq!(
             zoom_between(&[], &Intrinsics::centered(576.0, 640, 360), &Run::default()).expect("a run that never stops"),
             None

@@ -16,7 +16,7 @@ const PARTS: usize = 2;
 
 /// Where a point was seen.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sight {
+pub(super) struct TrackObservation {
     pub(super) frame: usize,
     pub(super) pixel: Point2,
 }
@@ -27,8 +27,8 @@ pub(super) struct Track {
     /// Index in the scene.
     pub(super) point: usize,
     pub(super) anchor: usize,
-    /// Range of [`Layout::sights`].
-    pub(super) sights: std::ops::Range<usize>,
+    /// Range of [`Layout::observations`].
+    pub(super) observations: std::ops::Range<usize>,
     /// Slots of free poses that it may touch, without gaps.
     pub(super) slots: std::ops::Range<usize>,
 }
@@ -39,7 +39,7 @@ pub(super) struct Layout {
     /// By first slot, then last, then point.
     pub(super) tracks: Vec<Track>,
     /// Track after track, each by frame.
-    pub(super) sights: Vec<Sight>,
+    pub(super) observations: Vec<TrackObservation>,
     /// Frames whose cameras take part.
     used: Vec<bool>,
     /// Slot of each frame with a free pose.
@@ -49,7 +49,7 @@ pub(super) struct Layout {
     /// Whether rows of a frame are told apart.
     pub(super) rolling: bool,
     /// Unknowns of the reduced system that are held: the scale's, and shared ones.
-    pub(super) held: Vec<usize>,
+    pub(super) fixed: Vec<usize>,
 }
 
 impl Layout {
@@ -57,18 +57,18 @@ impl Layout {
     pub(super) fn new(
         scene: &Scene,
         observations: &[Observation],
-        held_frames: &[u32],
+        fixed_frames: &[u32],
         shared_free: [bool; SHARED],
         rolling: bool,
     ) -> Result<Self, BundleError> {
         let groups = grouped(scene, observations)?;
         let mut used = vec![false; scene.poses.len()];
-        for (anchor, sights) in &groups.tracks {
+        for (anchor, observations) in &groups.tracks {
             used[*anchor] = true;
-            groups.sights[sights.clone()].iter().for_each(|s| used[s.frame] = true);
+            groups.observations[observations.clone()].iter().for_each(|s| used[s.frame] = true);
         }
         let mut is_free = used.clone();
-        for &frame in held_frames {
+        for &frame in fixed_frames {
             if let Some(free) = is_free.get_mut(frame as usize) {
                 *free = false;
             }
@@ -82,28 +82,29 @@ impl Layout {
             })
             .collect();
         let free = slot.iter().flatten().count();
-        let mut held: Vec<_> = gauge.iter().filter_map(|g| Some(POSE * slot[g.frame]? + 3 + g.axis)).collect();
-        held.extend((0..SHARED).filter(|&k| !shared_free[k]).map(|k| POSE * free + k));
-        let mut layout = Self { tracks: Vec::new(), sights: groups.sights, used, slot, free, held, rolling };
+        let mut fixed: Vec<_> = gauge.iter().filter_map(|g| Some(POSE * slot[g.frame]? + 3 + g.axis)).collect();
+        fixed.extend((0..SHARED).filter(|&k| !shared_free[k]).map(|k| POSE * free + k));
+        let mut layout =
+            Self { tracks: Vec::new(), observations: groups.observations, used, slot, free, fixed, rolling };
         layout.tracks = groups.points.iter().zip(groups.tracks).map(|(&p, (a, s))| layout.track(p, a, s)).collect();
         layout.tracks.sort_by_key(|t| (t.slots.start, t.slots.end, t.point));
         Ok(layout)
     }
 
-    fn track(&self, point: usize, anchor: usize, sights: std::ops::Range<usize>) -> Track {
-        let seen = self.sights[sights.clone()].iter().map(|s| s.frame);
+    fn track(&self, point: usize, anchor: usize, observations: std::ops::Range<usize>) -> Track {
+        let seen = self.observations[observations.clone()].iter().map(|s| s.frame);
         let around = |f: usize| neighbors(f, |n| self.uses(n)).take_while(|_| self.rolling);
         let touched = seen.flat_map(|f| std::iter::once(f).chain(around(f)));
         let slots = touched.chain([anchor]).filter_map(|f| self.slot[f]);
         let (first, end) = slots.fold((usize::MAX, 0), |(first, end), s| (first.min(s), end.max(s + 1)));
-        Track { point, anchor, sights, slots: first.min(end)..end }
+        Track { point, anchor, observations, slots: first.min(end)..end }
     }
 
     /// Leaves the poses their rotations only.
-    pub(super) fn hold_translations(&mut self) {
-        self.held.extend((0..self.free).flat_map(|slot| (3..POSE).map(move |k| POSE * slot + k)));
-        self.held.sort_unstable();
-        self.held.dedup();
+    pub(super) fn fix_translations(&mut self) {
+        self.fixed.extend((0..self.free).flat_map(|slot| (3..POSE).map(move |k| POSE * slot + k)));
+        self.fixed.sort_unstable();
+        self.fixed.dedup();
     }
 
     /// Whether the camera of a frame takes part.
@@ -121,14 +122,14 @@ impl Layout {
         self.tracks.iter().map(|t| t.slots.len()).max().unwrap_or(0)
     }
 
-    /// Ranges of consecutive tracks with about equal numbers of sights, none empty. How many there are depends on the problem
+    /// Ranges of consecutive tracks with about equal numbers of observations, none empty. How many there are depends on the problem
     /// alone, so that sums over them do too.
     pub(super) fn parts(&self) -> Vec<std::ops::Range<usize>> {
         let mut parts = Vec::with_capacity(PARTS);
         let (mut start, mut count) = (0, 0);
         for (index, track) in self.tracks.iter().enumerate() {
-            count += track.sights.len();
-            if count * PARTS >= (parts.len() + 1) * self.sights.len() {
+            count += track.observations.len();
+            if count * PARTS >= (parts.len() + 1) * self.observations.len() {
                 parts.push(start..index + 1);
                 start = index + 1;
             }
@@ -160,7 +161,7 @@ impl Layout {
                 (point.ray, point.inverse_depth) = (ray.xy, ray.w);
             }
         }
-        let is_free = |k: usize| !self.held.contains(&(POSE * self.free + k));
+        let is_free = |k: usize| !self.fixed.contains(&(POSE * self.free + k));
         if is_free(LN_FOCAL) {
             scene.intrinsics.focal = parameters.shared[LN_FOCAL].exp();
         }
@@ -171,9 +172,9 @@ impl Layout {
 /// Points in use with their observations.
 struct Groups {
     points: Vec<usize>,
-    /// Anchor and range of sights.
+    /// Anchor and range of observations.
     tracks: Vec<(usize, std::ops::Range<usize>)>,
-    sights: Vec<Sight>,
+    observations: Vec<TrackObservation>,
 }
 
 fn grouped(scene: &Scene, observations: &[Observation]) -> Result<Groups, BundleError> {
@@ -188,13 +189,13 @@ fn grouped(scene: &Scene, observations: &[Observation]) -> Result<Groups, Bundle
         return Err(BundleError::NotFinite { what: format!("observation of point {} in frame {}", o.point, o.frame) });
     }
     used.sort_by_key(|o| (o.point, o.frame));
-    let mut groups = Groups { points: Vec::new(), tracks: Vec::new(), sights: Vec::new() };
+    let mut groups = Groups { points: Vec::new(), tracks: Vec::new(), observations: Vec::new() };
     for chunk in used.chunk_by(|a, b| a.point == b.point).filter(|c| c[0].frame != c[c.len() - 1].frame) {
-        let (point, start) = (chunk[0].point as usize, groups.sights.len());
-        groups.sights.extend(chunk.iter().map(|o| Sight { frame: o.frame as usize, pixel: o.pixel }));
+        let (point, start) = (chunk[0].point as usize, groups.observations.len());
+        groups.observations.extend(chunk.iter().map(|o| TrackObservation { frame: o.frame as usize, pixel: o.pixel }));
         let anchor = scene.points[point].expect("only known points are used").anchor as usize;
         groups.points.push(point);
-        groups.tracks.push((anchor, start..groups.sights.len()));
+        groups.tracks.push((anchor, start..groups.observations.len()));
     }
     if groups.points.is_empty() {
         return Err(BundleError::TooFewPoints { found: 0, least: 1 });
@@ -241,16 +242,16 @@ impl Gauge {
         if in_use.iter().all(|&f| is_free[f]) {
             is_free[*in_use.first()?] = false;
         }
-        let held = in_use.iter().copied().find(|&f| !is_free[f])?;
-        let origin = center(held)?;
+        let fixed = in_use.iter().copied().find(|&f| !is_free[f])?;
+        let origin = center(fixed)?;
         let shift = |f: usize| center(f).map_or_else(Vec3::zeros, |c| c - origin);
         let farthest = |frames: &mut dyn Iterator<Item = usize>| {
-            frames.fold((held, 0.0), |best, f| if shift(f).norm() > best.1 { (f, shift(f).norm()) } else { best })
+            frames.fold((fixed, 0.0), |best, f| if shift(f).norm() > best.1 { (f, shift(f).norm()) } else { best })
         };
-        let (_, held_apart) = farthest(&mut in_use.iter().copied().filter(|&f| !is_free[f]));
+        let (_, fixed_apart) = farthest(&mut in_use.iter().copied().filter(|&f| !is_free[f]));
         let (frame, apart) = farthest(&mut in_use.iter().copied().filter(|&f| is_free[f]));
         // Centers of held frames that differ by rounding only hold nothing.
-        if held_apart > 1e-9 * apart || !(apart > 0.0) {
+        if fixed_apart > 1e-9 * apart || !(apart > 0.0) {
             return None;
         }
         let moved = scene.poses[frame]?.rotation * shift(frame);

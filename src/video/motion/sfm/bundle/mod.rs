@@ -19,7 +19,6 @@
 
 mod cameras;
 mod error;
-mod judgment;
 mod layout;
 mod normal;
 mod options;
@@ -29,6 +28,7 @@ mod rescue;
 mod resect;
 mod residual;
 mod residuals;
+mod robust_loss;
 mod schur;
 mod shutter;
 mod structure;
@@ -36,7 +36,7 @@ mod structure;
 pub use error::BundleError;
 pub use options::{BundleOptions, Freedom, RobustFit};
 pub use resect::{Resection, resect};
-pub use residuals::{Miss, residuals};
+pub use residuals::{ObservationResidual, residuals};
 pub use structure::refine_points;
 
 use super::{Observation, Scene};
@@ -86,16 +86,16 @@ pub fn adjust(
     options.check()?;
     let shared_free: [bool; SHARED] = [options.focal, options.k1, options.readout].map(|f| f != Freedom::Fixed);
     let rolling = scene.readout != 0.0 || options.readout != Freedom::Fixed;
-    let mut layout = Layout::new(scene, observations, &options.held, shared_free, rolling)?;
-    if options.turning {
-        layout.hold_translations();
+    let mut layout = Layout::new(scene, observations, &options.fixed_frames, shared_free, rolling)?;
+    if options.rotation_only {
+        layout.fix_translations();
     }
     let cameras = Cameras::new(&layout, scene.intrinsics.center);
     let mut problem = Adjustment::new(&layout, layout.parameters(scene), cameras, options);
     let mut report = None;
-    let damping = options.fit.damping_for(layout.sights.len());
+    let damping = options.fit.damping_for(layout.observations.len());
     for loss in &options.fit.losses {
-        problem.judgment.loss = *loss;
+        problem.robust_loss.loss = *loss;
         let cost = problem.cost();
         let minimum = minimize(&mut problem, cost, &damping, run)?;
         let (before, initial_cost) = report.map_or((0, minimum.initial_cost), |r: (usize, f64, _)| (r.0, r.1));
@@ -111,7 +111,7 @@ pub fn adjust(
         initial_cost,
         cost: last.cost,
         converged: last.converged,
-        observations: layout.sights.len(),
+        observations: layout.observations.len(),
         points: layout.tracks.len(),
         rms_px: residuals.rms_px,
         median_px: residuals.median_px,

@@ -12,10 +12,10 @@ use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, SMatrixView, Vector3, Vecto
 use rayon::prelude::*;
 
 use super::cameras::Cameras;
-use super::judgment::Judgment;
 use super::layout::{Layout, POSE, Track};
 use super::parameters::{Parameters, SHARED};
 use super::residual::{Anchored, Linearized};
+use super::robust_loss::RobustLoss;
 use plumbline_camera::Vec3;
 use plumbline_camera::rotation::skew;
 use plumbline_num::sparse::BandedMatrix;
@@ -98,7 +98,7 @@ impl Normal {
         layout: &Layout,
         cameras: &Cameras,
         parameters: &Parameters,
-        judgment: &Judgment,
+        robust_loss: &RobustLoss,
     ) {
         let (mut w, mut points, mut first_w) = (self.w.as_mut_slice(), self.points.as_mut_slice(), 0);
         let sums = self.parts.iter_mut().map(|part| {
@@ -110,7 +110,7 @@ impl Normal {
             sums
         });
         let sums: Vec<Sums<'_>> = sums.collect();
-        sums.into_par_iter().for_each(|mut sums| sums.assemble(cameras, parameters, judgment));
+        sums.into_par_iter().for_each(|mut sums| sums.assemble(cameras, parameters, robust_loss));
         self.a.clear();
         self.b.fill(0.0);
         for part in &self.parts {
@@ -132,7 +132,7 @@ impl Normal {
 }
 
 impl Sums<'_> {
-    fn assemble(&mut self, cameras: &Cameras, parameters: &Parameters, judgment: &Judgment) {
+    fn assemble(&mut self, cameras: &Cameras, parameters: &Parameters, robust_loss: &RobustLoss) {
         self.a.clear();
         self.b.fill(0.0);
         self.w.fill(0.0);
@@ -140,7 +140,7 @@ impl Sums<'_> {
         for own in 0..self.points.len() {
             let (track, ray) = (&layout.tracks[self.first + own], &parameters.points[self.first + own]);
             let point = cameras.anchored(ray, track.anchor);
-            self.add_point(own, track, (cameras, &point), judgment, &mut scratch);
+            self.add_point(own, track, (cameras, &point), robust_loss, &mut scratch);
         }
     }
 
@@ -149,7 +149,7 @@ impl Sums<'_> {
         index: usize,
         track: &Track,
         (cameras, point): (&Cameras, &Anchored),
-        judgment: &Judgment,
+        robust_loss: &RobustLoss,
         scratch: &mut Linearized,
     ) {
         let layout = self.layout;
@@ -157,10 +157,10 @@ impl Sums<'_> {
         let mut sums = AnchorSums::new(point);
         let block = &mut self.points[index];
         (block.c, block.g, block.shared) = (Matrix3::zeros(), Vec3::zeros(), Matrix3::zeros());
-        for sight in &layout.sights[track.sights.clone()] {
-            let weight = |squared| judgment.loss.weight(squared);
-            let (eye, from) = (cameras.eye(sight.frame), (point, cameras.view(track.anchor)));
-            if !eye.linearize(from, (sight.frame, sight.pixel), judgment.sigma, weight, scratch) {
+        for observation in &layout.observations[track.observations.clone()] {
+            let weight = |squared| robust_loss.loss.weight(squared);
+            let (eye, from) = (cameras.eye(observation.frame), (point, cameras.view(track.anchor)));
+            if !eye.linearize(from, (observation.frame, observation.pixel), robust_loss.sigma, weight, scratch) {
                 continue;
             }
             let block = &mut self.points[index];
@@ -168,7 +168,7 @@ impl Sums<'_> {
             block.g += scratch.point.tr_mul(&scratch.residual);
             block.shared += scratch.shared.tr_mul(&scratch.point);
             self.add_shared(scratch);
-            if cameras.is_own_ray(sight.frame, track.anchor) {
+            if cameras.is_own_ray(observation.frame, track.anchor) {
                 continue;
             }
             sums.add(scratch);

@@ -67,10 +67,10 @@ pub struct BundleOptions {
     /// Residuals and search.
     pub fit: RobustFit,
     /// Frames whose poses are held. Where none is, the first one is, and the scale with it.
-    pub held: Vec<u32>,
+    pub fixed_frames: Vec<u32>,
     /// Cameras turn and do not move: all translations are held. Where they are equal, no observation tells a depth, and the
     /// points stay at the inverse depths they have.
-    pub turning: bool,
+    pub rotation_only: bool,
     /// The focal length, by its logarithm.
     pub focal: Freedom,
     /// The radial term `k₁`.
@@ -86,8 +86,8 @@ impl Default for BundleOptions {
     fn default() -> Self {
         Self {
             fit: RobustFit::default(),
-            held: Vec::new(),
-            turning: false,
+            fixed_frames: Vec::new(),
+            rotation_only: false,
             focal: Freedom::Fixed,
             k1: Freedom::Fixed,
             readout: Freedom::Fixed,

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::cameras::Cameras;
-use super::judgment::Judgment;
 use super::layout::{Layout, POSE, Track};
 use super::normal::Normal;
 use super::options::{BundleOptions, Freedom};
 use super::parameters::{LN_FOCAL, Parameters, Ray, SHARED};
 use super::rescue::{self, is_suspicious};
+use super::robust_loss::RobustLoss;
 use super::schur::Reduced;
 use super::structure::PointProblem;
 use plumbline_camera::{CameraPose, Vec3};
@@ -29,7 +29,7 @@ struct Prior {
 /// All that an adjustment works on.
 pub(super) struct Adjustment<'a> {
     layout: &'a Layout,
-    pub(super) judgment: Judgment,
+    pub(super) robust_loss: RobustLoss,
     priors: [Option<Prior>; SHARED],
     /// `κ` of every track: what inverse depth below zero costs, `½ (κ w)²`.
     beyond: Vec<f64>,
@@ -44,18 +44,18 @@ pub(super) struct Adjustment<'a> {
 }
 
 impl<'a> Adjustment<'a> {
-    pub(super) fn new(layout: &'a Layout, start: Parameters, cameras: Cameras, options: &BundleOptions) -> Self {
+    pub(super) fn new(layout: &'a Layout, initial: Parameters, cameras: Cameras, options: &BundleOptions) -> Self {
         let normal = Normal::new(layout);
-        let judgment = Judgment { sigma: options.fit.sigma_px, loss: Loss::Huber(1.0) };
+        let robust_loss = RobustLoss { sigma: options.fit.sigma_px, loss: Loss::Huber(1.0) };
         Self {
             layout,
-            judgment,
+            robust_loss,
             priors: priors(options),
-            beyond: depth_priors(layout, &start, options.fit.sigma_px),
+            beyond: depth_priors(layout, &initial, options.fit.sigma_px),
             costs: vec![0.0; layout.tracks.len()],
             trial_costs: vec![f64::INFINITY; layout.tracks.len()],
-            trial: start.clone(),
-            present: start,
+            trial: initial.clone(),
+            present: initial,
             cameras,
             reduced: Reduced::new(layout, &normal),
             normal,
@@ -75,8 +75,8 @@ impl<'a> Adjustment<'a> {
     pub(super) fn squares(&self) -> impl Iterator<Item = Option<f64>> {
         self.layout.tracks.iter().zip(&self.trial.points).flat_map(move |(track, ray)| {
             let point = self.cameras.anchored(ray, track.anchor);
-            let sights = self.layout.sights[track.sights.clone()].iter();
-            sights.map(move |s| self.judgment.squared(&self.cameras, &point, s))
+            let observations = self.layout.observations[track.observations.clone()].iter();
+            observations.map(move |s| self.robust_loss.squared(&self.cameras, &point, s))
         })
     }
 
@@ -107,16 +107,21 @@ impl<'a> Adjustment<'a> {
     /// (`docs/ABLATIONS.md`).
     fn settled(&self, index: usize, stepped: Ray) -> (Ray, f64) {
         let track = &self.layout.tracks[index];
-        let sights = &self.layout.sights[track.sights.clone()];
-        let stay = self.present.points[index];
+        let observations = &self.layout.observations[track.observations.clone()];
+        let unmoved = self.present.points[index];
         let problem = |start| {
-            PointProblem::new(&self.cameras, (track.anchor, sights), (self.judgment, self.beyond[index]), start)
+            PointProblem::new(
+                &self.cameras,
+                (track.anchor, observations),
+                (self.robust_loss, self.beyond[index]),
+                start,
+            )
         };
         let cost = problem(stepped).cost(&stepped);
-        if !(cost > 2.0 * self.costs[index] + sights.len() as f64) {
+        if !(cost > 2.0 * self.costs[index] + observations.len() as f64) {
             return (stepped, cost);
         }
-        let start = if problem(stay).cost(&stay) < cost { stay } else { stepped };
+        let start = if problem(unmoved).cost(&unmoved) < cost { unmoved } else { stepped };
         problem(start).search(&SETTLING)
     }
 
@@ -128,14 +133,14 @@ impl<'a> Adjustment<'a> {
         let typical = depths[depths.len() / 2].max(0.0);
         for (index, track) in self.layout.tracks.iter().enumerate() {
             run.check()?;
-            let sights = &self.layout.sights[track.sights.clone()];
-            if !is_suspicious(self.costs[index], sights.len(), &self.judgment) {
+            let observations = &self.layout.observations[track.observations.clone()];
+            if !is_suspicious(self.costs[index], observations.len(), &self.robust_loss) {
                 continue;
             }
-            let own = sights.iter().find(|s| s.frame == track.anchor);
+            let own = observations.iter().find(|s| s.frame == track.anchor);
             let Some(own_ray) = own.and_then(|s| self.cameras.lens().undistorted(s.pixel)) else { continue };
-            let judged = (self.judgment, self.beyond[index]);
-            let problem = |start| PointProblem::new(&self.cameras, (track.anchor, sights), judged, start);
+            let robust = (self.robust_loss, self.beyond[index]);
+            let problem = |start| PointProblem::new(&self.cameras, (track.anchor, observations), robust, start);
             if let Some((ray, _)) = rescue::search(problem, own_ray, typical, self.costs[index]) {
                 self.present.points[index] = ray;
             }
@@ -152,7 +157,7 @@ impl<'a> Adjustment<'a> {
 impl DampedProblem for Adjustment<'_> {
     fn linearize(&mut self) {
         self.cameras.place(&self.present, self.layout);
-        self.normal.assemble(self.layout, &self.cameras, &self.present, &self.judgment);
+        self.normal.assemble(self.layout, &self.cameras, &self.present, &self.robust_loss);
         self.add_priors();
     }
 
@@ -162,8 +167,8 @@ impl DampedProblem for Adjustment<'_> {
         for (frame, slot) in self.layout.slot.iter().enumerate() {
             if let Some(slot) = slot {
                 let step = &poses[POSE * slot..][..POSE];
-                let (turn, shift) = (Vec3::from_row_slice(&step[..3]), Vec3::from_row_slice(&step[3..]));
-                self.trial.poses[frame] = self.present.poses[frame].perturbed(&turn, &shift);
+                let (rotation, shift) = (Vec3::from_row_slice(&step[..3]), Vec3::from_row_slice(&step[3..]));
+                self.trial.poses[frame] = self.present.poses[frame].perturbed(&rotation, &shift);
             }
         }
         (0..SHARED).for_each(|k| self.trial.shared[k] = self.present.shared[k] + shared[k]);
@@ -194,7 +199,7 @@ pub(super) fn depth_priors(layout: &Layout, at: &Parameters, sigma: f64) -> Vec<
     let focal = at.shared[LN_FOCAL].exp();
     let centers: Vec<_> = at.poses.iter().map(CameraPose::center).collect();
     let baseline = |t: &Track| {
-        let seen = layout.sights[t.sights.clone()].iter();
+        let seen = layout.observations[t.observations.clone()].iter();
         seen.map(|s| (centers[s.frame] - centers[t.anchor]).norm()).fold(0.0, f64::max)
     };
     layout.tracks.iter().map(|t| focal * baseline(t) / sigma).collect()

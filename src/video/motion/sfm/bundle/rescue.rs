@@ -4,11 +4,11 @@
 //! observations fit, the others count as outliers. From a rough start some points fall into one. They are searched anew from
 //! the ray of their anchor's observation, at several depths.
 //!
-//! A made-up walk (23 % wrong sightings, tracks of 27 frames) has cameras in 22 of 73 frames; without this search it has none
+//! A made-up walk (23 % wrong observations, tracks of 27 frames) has cameras in 22 of 73 frames; without this search it has none
 //! (`docs/ABLATIONS.md`).
 
-use super::judgment::Judgment;
 use super::parameters::Ray;
+use super::robust_loss::RobustLoss;
 use super::structure::PointProblem;
 use plumbline_num::math::Vec2;
 use plumbline_num::optim::levenberg_marquardt::DampingOptions;
@@ -21,8 +21,8 @@ const DEPTHS: [f64; 5] = [0.0, 0.3, 1.0, 2.0, 4.0];
 const SEARCH: DampingOptions = DampingOptions { lambda: 1e-3, tolerance: 1e-3, floor: 0.0, max_iterations: 20 };
 
 /// Whether a track that costs `cost` over so many observations is to be searched anew.
-pub(super) fn is_suspicious(cost: f64, observations: usize, judgment: &Judgment) -> bool {
-    !(cost <= observations as f64 * judgment.cost(Some(SUSPICIOUS * SUSPICIOUS)))
+pub(super) fn is_suspicious(cost: f64, observations: usize, robust_loss: &RobustLoss) -> bool {
+    !(cost <= observations as f64 * robust_loss.cost(Some(SUSPICIOUS * SUSPICIOUS)))
 }
 
 /// The best place found from the anchor's own ray; `None` where none costs less than `cost`.
@@ -32,7 +32,7 @@ pub(super) fn search<'a>(
     typical: f64,
     cost: f64,
 ) -> Option<(Ray, f64)> {
-    let starts = DEPTHS.map(|share| Ray { xy: own_ray, w: share * typical });
+    let starts = DEPTHS.map(|ratio| Ray { xy: own_ray, w: ratio * typical });
     let found = starts.into_iter().map(|start| problem(start).search(&SEARCH));
     found.fold(
         None,

@@ -2,9 +2,9 @@
 
 use nalgebra::{Cholesky, Matrix6, Vector6};
 
-use super::judgment::Judgment;
 use super::parameters::Ray;
 use super::residual::{Anchored, Eye, Linearized, View};
+use super::robust_loss::RobustLoss;
 use super::shutter::{Stencil, neighbors};
 use super::{BundleError, RobustFit};
 use crate::motion::sfm::{Observation, Scene};
@@ -19,7 +19,7 @@ const MIN_POINTS: usize = 4;
 /// A pose found by [`resect`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resection {
-    /// Where the camera stood.
+    /// The pose, `cam_from_world`.
     pub pose: CameraPose,
     /// Length of the residual of each observation that took part, by its index among those given, px; infinite for a point
     /// behind the camera.
@@ -43,11 +43,12 @@ pub fn resect(
 ) -> Result<Resection, BundleError> {
     fit.check()?;
     if !start.rotation.coords.iter().chain(start.translation.iter()).all(|v| v.is_finite()) {
-        return Err(BundleError::NotFinite { what: format!("start of the pose of frame {frame}") });
+        return Err(BundleError::NotFinite { what: format!("initial guess of the pose of frame {frame}") });
     }
-    let sights: Vec<_> = observations.iter().enumerate().filter_map(|(i, o)| sight(scene, frame, i, o)).collect();
-    if sights.len() < MIN_POINTS {
-        return Err(BundleError::TooFewObservations { found: sights.len(), least: MIN_POINTS });
+    let points: Vec<_> =
+        observations.iter().enumerate().filter_map(|(i, o)| known_observation(scene, frame, i, o)).collect();
+    if points.len() < MIN_POINTS {
+        return Err(BundleError::TooFewObservations { found: points.len(), least: MIN_POINTS });
     }
     let known = |f: usize| scene.poses.get(f).is_some_and(Option::is_some);
     let around = neighbors(frame as usize, known).filter_map(|n| Some((n, scene.poses[n]?)));
@@ -55,18 +56,18 @@ pub fn resect(
         scene,
         frame: frame as usize,
         around: if scene.readout == 0.0 { Vec::new() } else { around.collect() },
-        sights,
-        judgment: Judgment { sigma: fit.sigma_px, loss: fit.losses[0] },
+        points,
+        robust_loss: RobustLoss { sigma: fit.sigma_px, loss: fit.losses[0] },
         present: start,
         trial: start,
         h: Matrix6::zeros(),
         g: Vector6::zeros(),
         scratch: Linearized::zero(),
     };
-    let damping = fit.damping_for(problem.sights.len());
+    let damping = fit.damping_for(problem.points.len());
     let mut converged = false;
     for &loss in &fit.losses {
-        problem.judgment.loss = loss;
+        problem.robust_loss.loss = loss;
         problem.trial = problem.present;
         let cost = problem.trial_cost();
         converged = minimize(&mut problem, cost, &damping, run)?.converged;
@@ -74,20 +75,20 @@ pub fn resect(
     Ok(Resection { pose: problem.present, residuals_px: problem.residuals_px(), converged })
 }
 
-/// A known point and where it is seen.
-struct KnownSight {
+/// An observation of a known point.
+struct KnownObservation {
     index: usize,
     point: Anchored,
     pixel: Point2,
 }
 
-fn sight(scene: &Scene, frame: u32, index: usize, seen: &Observation) -> Option<KnownSight> {
+fn known_observation(scene: &Scene, frame: u32, index: usize, seen: &Observation) -> Option<KnownObservation> {
     let point = scene.points.get(seen.point as usize).copied().flatten()?;
     let anchor = scene.poses.get(point.anchor as usize).copied().flatten()?;
     let finite = seen.pixel.x.is_finite() && seen.pixel.y.is_finite();
     (seen.frame == frame && point.anchor != frame && finite).then(|| {
         let point = Anchored::new(&Ray { xy: point.ray, w: point.inverse_depth }, &View::of(&anchor));
-        KnownSight { index, point, pixel: seen.pixel }
+        KnownObservation { index, point, pixel: seen.pixel }
     })
 }
 
@@ -95,8 +96,8 @@ struct PoseProblem<'a> {
     scene: &'a Scene,
     frame: usize,
     around: Vec<(usize, CameraPose)>,
-    sights: Vec<KnownSight>,
-    judgment: Judgment,
+    points: Vec<KnownObservation>,
+    robust_loss: RobustLoss,
     present: CameraPose,
     trial: CameraPose,
     h: Matrix6<f64>,
@@ -118,8 +119,8 @@ impl PoseProblem<'_> {
     fn residuals_px(&self) -> Vec<(usize, f64)> {
         let camera = self.camera(&self.present);
         let eye = self.eye(&camera);
-        let length = |s: &KnownSight| eye.residual(&s.point, s.pixel, 1.0).map_or(f64::INFINITY, |r| r.norm());
-        self.sights.iter().map(|s| (s.index, length(s))).collect()
+        let length = |s: &KnownObservation| eye.residual(&s.point, s.pixel, 1.0).map_or(f64::INFINITY, |r| r.norm());
+        self.points.iter().map(|s| (s.index, length(s))).collect()
     }
 }
 
@@ -129,11 +130,11 @@ impl DampedProblem for PoseProblem<'_> {
         let mut scratch = std::mem::replace(&mut self.scratch, Linearized::zero());
         let (mut h, mut g) = (Matrix6::zeros(), Vector6::zeros());
         let eye = self.eye(&camera);
-        for sight in &self.sights {
-            let weight = |squared| self.judgment.loss.weight(squared);
+        for observation in &self.points {
+            let weight = |squared| self.robust_loss.loss.weight(squared);
             // The point's own derivatives are not used: any view serves as its anchor's.
-            let (from, seen) = ((&sight.point, &camera.0), (self.frame, sight.pixel));
-            if eye.linearize(from, seen, self.judgment.sigma, weight, &mut scratch) {
+            let (from, seen) = ((&observation.point, &camera.0), (self.frame, observation.pixel));
+            if eye.linearize(from, seen, self.robust_loss.sigma, weight, &mut scratch) {
                 let (_, j) = scratch.poses()[0];
                 h += j.tr_mul(&j);
                 g += j.tr_mul(&scratch.residual);
@@ -145,16 +146,17 @@ impl DampedProblem for PoseProblem<'_> {
     fn propose(&mut self, lambda: f64) -> Option<f64> {
         let damping = lambda * self.h.diagonal();
         let step = -Cholesky::new(self.h + Matrix6::from_diagonal(&damping))?.solve(&self.g);
-        let (turn, shift) = (Vec3::new(step[0], step[1], step[2]), Vec3::new(step[3], step[4], step[5]));
-        self.trial = self.present.perturbed(&turn, &shift);
+        let (rotation, shift) = (Vec3::new(step[0], step[1], step[2]), Vec3::new(step[3], step[4], step[5]));
+        self.trial = self.present.perturbed(&rotation, &shift);
         Some(0.5 * step.dot(&(damping.component_mul(&step) - self.g)))
     }
 
     fn trial_cost(&mut self) -> f64 {
         let camera = self.camera(&self.trial);
         let eye = self.eye(&camera);
-        let squared = |s: &KnownSight| eye.residual(&s.point, s.pixel, self.judgment.sigma).map(|r| r.norm_squared());
-        self.sights.iter().map(|s| self.judgment.cost(squared(s))).sum()
+        let squared =
+            |s: &KnownObservation| eye.residual(&s.point, s.pixel, self.robust_loss.sigma).map(|r| r.norm_squared());
+        self.points.iter().map(|s| self.robust_loss.cost(squared(s))).sum()
     }
 
     fn accept(&mut self) {

@@ -57,7 +57,7 @@ struct Row {
     theta: Vec3,
 }
 
-/// Jacobian of a residual to one pose: turn, then shift.
+/// Jacobian of a residual to one pose: rotation, then shift.
 pub(super) type PoseJacobian = SMatrix<f64, 2, 6>;
 
 /// A residual and its Jacobians, all scaled by the root of the robust weight.
@@ -154,25 +154,25 @@ impl Eye<'_> {
         out: &mut Linearized,
     ) {
         let crossed = |k: usize| v.cross(&j_y.row(k).transpose()).transpose();
-        let turn = Matrix2x3::from_rows(&[crossed(0), crossed(1)]);
-        out.poses[0] = (frame, stacked(&turn, &(w * j_y)));
+        let rotation = Matrix2x3::from_rows(&[crossed(0), crossed(1)]);
+        out.poses[0] = (frame, stacked(&rotation, &(w * j_y)));
         out.pose_count = 1;
         out.shared.set_column(READOUT, &Vector2::zeros());
         let Some(stencil) = self.stencil else { return };
-        let along = turn * left_jacobian(&row.theta);
-        let mut own = turn * UnitQuaternion::from_scaled_axis(row.theta).to_rotation_matrix().matrix();
+        let along = rotation * left_jacobian(&row.theta);
+        let mut own = rotation * UnitQuaternion::from_scaled_axis(row.theta).to_rotation_matrix().matrix();
         let mut own_weight = 1.0;
-        let (mut turning, mut shifting) = (Vec3::zeros(), Vec3::zeros());
+        let (mut angular, mut linear) = (Vec3::zeros(), Vec3::zeros());
         for (k, (neighbor, (c, rate))) in stencil.neighbors().iter().zip(row.weights).enumerate() {
             own -= c * along * neighbor.jacobian.transpose();
             own_weight -= c;
-            turning += rate * neighbor.rotation;
-            shifting += rate * neighbor.translation;
+            angular += rate * neighbor.rotation;
+            linear += rate * neighbor.translation;
             out.poses[k + 1] = (neighbor.frame, stacked(&(c * along * neighbor.jacobian), &(w * c * j_y)));
         }
         out.poses[0] = (frame, stacked(&own, &(w * own_weight * j_y)));
         out.pose_count = 1 + stencil.neighbors().len();
-        out.shared.set_column(READOUT, &(self.row_fraction(seen) * (along * turning + w * j_y * shifting)));
+        out.shared.set_column(READOUT, &(self.row_fraction(seen) * (along * angular + w * j_y * linear)));
     }
 
     /// Height of a row below the middle of the frame, in frame heights, −½ to ½.
@@ -189,8 +189,8 @@ impl Eye<'_> {
             theta += c * neighbor.rotation;
             translation += c * neighbor.translation;
         }
-        let turn = UnitQuaternion::from_scaled_axis(theta).to_rotation_matrix();
-        Row { view: View { rotation: turn.matrix() * self.view.rotation, translation }, weights, theta }
+        let rotation = UnitQuaternion::from_scaled_axis(theta).to_rotation_matrix();
+        Row { view: View { rotation: rotation.matrix() * self.view.rotation, translation }, weights, theta }
     }
 }
 
@@ -199,9 +199,9 @@ fn normalized(y: &Vec3) -> Option<Vec2> {
     (y.z > MIN_FRONT * y.norm()).then(|| y.xy() / y.z)
 }
 
-fn stacked(turn: &Matrix2x3<f64>, shift: &Matrix2x3<f64>) -> PoseJacobian {
+fn stacked(rotation: &Matrix2x3<f64>, shift: &Matrix2x3<f64>) -> PoseJacobian {
     let mut both = PoseJacobian::zeros();
-    both.fixed_columns_mut::<3>(0).copy_from(turn);
+    both.fixed_columns_mut::<3>(0).copy_from(rotation);
     both.fixed_columns_mut::<3>(3).copy_from(shift);
     both
 }
@@ -229,9 +229,9 @@ mod tests {
     fn setting(anchor: usize, rolling: bool) -> Setting {
         let pose = |k: usize| {
             let t = k as f64;
-            let turn = Vec3::new(0.1 * t - 0.02 * t * t, -0.06 * t, 0.03 * t * t);
+            let rotation = Vec3::new(0.1 * t - 0.02 * t * t, -0.06 * t, 0.03 * t * t);
             let shift = Vec3::new(0.2 * t, -0.1 + 0.05 * t * t, 0.3 - 0.1 * t);
-            CameraPose { rotation: UnitQuaternion::from_scaled_axis(turn), translation: shift }
+            CameraPose { rotation: UnitQuaternion::from_scaled_axis(rotation), translation: shift }
         };
         Setting {
             poses: (0..5).map(pose).collect(),

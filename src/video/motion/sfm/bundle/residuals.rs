@@ -7,7 +7,7 @@ use crate::motion::sfm::{Observation, Scene};
 
 /// The length of a residual.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Miss {
+pub struct ObservationResidual {
     /// Index of the frame.
     pub frame: u32,
     /// Index of the point.
@@ -20,7 +20,7 @@ pub struct Miss {
 
 /// Residuals of the observations of known points by known frames, point by point, of points that two frames see; none of a
 /// scene that is not finite.
-pub fn residuals(scene: &Scene, observations: &[Observation]) -> Vec<Miss> {
+pub fn residuals(scene: &Scene, observations: &[Observation]) -> Vec<ObservationResidual> {
     let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
     let Ok(layout) = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0) else {
         return Vec::new();
@@ -28,14 +28,19 @@ pub fn residuals(scene: &Scene, observations: &[Observation]) -> Vec<Miss> {
     let parameters = layout.parameters(scene);
     let mut cameras = Cameras::new(&layout, scene.intrinsics.center);
     cameras.place(&parameters, &layout);
-    let mut misses = Vec::with_capacity(layout.sights.len());
+    let mut found = Vec::with_capacity(layout.observations.len());
     for (track, ray) in layout.tracks.iter().zip(&parameters.points) {
-        let place = cameras.anchored(ray, track.anchor);
-        misses.extend(layout.sights[track.sights.clone()].iter().map(|sight| {
-            let residual = cameras.eye(sight.frame).residual(&place, sight.pixel, 1.0);
+        let point = cameras.anchored(ray, track.anchor);
+        found.extend(layout.observations[track.observations.clone()].iter().map(|observation| {
+            let residual = cameras.eye(observation.frame).residual(&point, observation.pixel, 1.0);
             let px = residual.map_or(f64::INFINITY, |r| r.norm());
-            Miss { frame: sight.frame as u32, point: track.point as u32, pixel: sight.pixel, px }
+            ObservationResidual {
+                frame: observation.frame as u32,
+                point: track.point as u32,
+                pixel: observation.pixel,
+                px,
+            }
         }));
     }
-    misses
+    found
 }

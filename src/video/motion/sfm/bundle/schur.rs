@@ -64,7 +64,7 @@ struct Batch {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Floors {
-    turn: f64,
+    rotation: f64,
     shift: f64,
     ray: f64,
     depth: f64,
@@ -133,7 +133,7 @@ impl Reduced {
             self.system.add(&part.system);
             self.delta.iter_mut().zip(&part.delta).for_each(|(sum, d)| *sum += d);
         }
-        for &unknown in &layout.held {
+        for &unknown in &layout.fixed {
             self.system.isolate(unknown);
             self.delta[unknown] = 0.0;
         }
@@ -143,7 +143,7 @@ impl Reduced {
     fn scale(&self, layout: &Layout, normal: &Normal, k: usize) -> f64 {
         let floor = match k {
             _ if k >= POSE * layout.free => f64::MIN_POSITIVE,
-            _ if k % POSE < 3 => self.floors.turn,
+            _ if k % POSE < 3 => self.floors.rotation,
             _ => self.floors.shift,
         };
         normal.a.diagonal(k).max(floor)
@@ -228,7 +228,7 @@ impl Floors {
             floor(all.map(|k| normal.a.diagonal(k)).fold(0.0, f64::max))
         };
         let point = |k: usize| floor(normal.points.iter().map(|p| p.c[(k, k)]).fold(0.0, f64::max));
-        Self { turn: pose(0), shift: pose(3), ray: point(0).max(point(1)), depth: point(2) }
+        Self { rotation: pose(0), shift: pose(3), ray: point(0).max(point(1)), depth: point(2) }
     }
 
     /// Entries of `D` of the unknowns of a point.

@@ -4,11 +4,11 @@ use nalgebra::{Cholesky, Matrix3};
 use rayon::prelude::*;
 
 use super::cameras::Cameras;
-use super::judgment::Judgment;
-use super::layout::{Layout, Sight};
+use super::layout::{Layout, TrackObservation};
 use super::parameters::{Ray, SHARED};
 use super::problem::depth_priors;
 use super::residual::Linearized;
+use super::robust_loss::RobustLoss;
 use super::{BundleError, RobustFit};
 use crate::motion::sfm::{Observation, Scene};
 use plumbline_camera::Vec3;
@@ -19,8 +19,8 @@ use plumbline_num::run::Run;
 pub(super) struct PointProblem<'a> {
     pub(super) cameras: &'a Cameras,
     pub(super) anchor: usize,
-    pub(super) sights: &'a [Sight],
-    pub(super) judgment: Judgment,
+    pub(super) observations: &'a [TrackObservation],
+    pub(super) robust_loss: RobustLoss,
     /// `κ` of [`super`].
     pub(super) beyond: f64,
     present: Ray,
@@ -33,12 +33,12 @@ pub(super) struct PointProblem<'a> {
 impl<'a> PointProblem<'a> {
     pub(super) fn new(
         cameras: &'a Cameras,
-        (anchor, sights): (usize, &'a [Sight]),
-        (judgment, beyond): (Judgment, f64),
+        (anchor, observations): (usize, &'a [TrackObservation]),
+        (robust_loss, beyond): (RobustLoss, f64),
         start: Ray,
     ) -> Self {
         let (c, g, scratch) = (Matrix3::zeros(), Vec3::zeros(), Linearized::zero());
-        Self { cameras, anchor, sights, judgment, beyond, present: start, trial: start, c, g, scratch }
+        Self { cameras, anchor, observations, robust_loss, beyond, present: start, trial: start, c, g, scratch }
     }
 
     /// The best point found, and what it costs.
@@ -51,7 +51,7 @@ impl<'a> PointProblem<'a> {
     pub(super) fn cost(&self, ray: &Ray) -> f64 {
         let point = self.cameras.anchored(ray, self.anchor);
         let beyond = 0.5 * (self.beyond * ray.w.min(0.0)).powi(2);
-        self.judgment.cost_of(self.cameras, &point, self.sights) + beyond
+        self.robust_loss.cost_of(self.cameras, &point, self.observations) + beyond
     }
 }
 
@@ -60,10 +60,10 @@ impl DampedProblem for PointProblem<'_> {
         (self.c, self.g) = (Matrix3::zeros(), Vec3::zeros());
         let point = self.cameras.anchored(&self.present, self.anchor);
         let from = (&point, self.cameras.view(self.anchor));
-        for sight in self.sights {
-            let weight = |squared| self.judgment.loss.weight(squared);
-            let (eye, out) = (self.cameras.eye(sight.frame), &mut self.scratch);
-            if eye.linearize(from, (sight.frame, sight.pixel), self.judgment.sigma, weight, out) {
+        for observation in self.observations {
+            let weight = |squared| self.robust_loss.loss.weight(squared);
+            let (eye, out) = (self.cameras.eye(observation.frame), &mut self.scratch);
+            if eye.linearize(from, (observation.frame, observation.pixel), self.robust_loss.sigma, weight, out) {
                 self.c += out.point.tr_mul(&out.point);
                 self.g += out.point.tr_mul(&out.residual);
             }
@@ -112,11 +112,11 @@ pub fn refine_points(
     let tracks = layout.tracks.par_iter().zip(&beyond);
     parameters.points.par_iter_mut().zip(tracks).try_for_each(|(ray, (track, &beyond))| {
         run.check()?;
-        let sights = &layout.sights[track.sights.clone()];
+        let observations = &layout.observations[track.observations.clone()];
         for &loss in &fit.losses {
-            let judgment = Judgment { sigma: fit.sigma_px, loss };
-            let problem = PointProblem::new(&cameras, (track.anchor, sights), (judgment, beyond), *ray);
-            *ray = problem.search(&fit.damping_for(sights.len())).0;
+            let robust_loss = RobustLoss { sigma: fit.sigma_px, loss };
+            let problem = PointProblem::new(&cameras, (track.anchor, observations), (robust_loss, beyond), *ray);
+            *ray = problem.search(&fit.damping_for(observations.len())).0;
         }
         Ok::<(), BundleError>(())
     })?;

@@ -7,7 +7,7 @@ use plumbline_num::energy::Loss;
 use plumbline_num::run::Run;
 
 /// As far off as a start may be: 1°, 5 % of the path, depths half as far again, focal length a fifth too long.
-const ROUGH: Disturbance = Disturbance { turn: 0.0175, shift: 0.05, depth_factor: 1.5, focal_factor: 1.2 };
+const ROUGH: Disturbance = Disturbance { rotation: 0.0175, shift: 0.05, depth_factor: 1.5, focal_factor: 1.2 };
 
 fn free_lens() -> BundleOptions {
     let k1 = Freedom::Near { value: 0.0, sigma: 0.1 };
@@ -82,24 +82,24 @@ fn the_reported_deviation_of_the_focal_length_is_its_spread_over_noise() {
 }
 
 #[test]
-fn held_poses_do_not_move_and_hold_the_scale() {
+fn fixed_poses_do_not_move_and_fix_the_scale() {
     let shot = Shot::new(&ShotOptions { seed: 7, frames: 24, ..ShotOptions::default() });
     let mut scene = shot.start(&Disturbance { focal_factor: 1.0, ..ROUGH }, 2);
-    let held = [0, 1, 2, 11];
-    for &f in &held {
+    let fixed = [0, 1, 2, 11];
+    for &f in &fixed {
         scene.poses[f as usize] = shot.truth.poses[f as usize];
     }
-    let options = BundleOptions { held: held.to_vec(), ..BundleOptions::default() };
+    let options = BundleOptions { fixed_frames: fixed.to_vec(), ..BundleOptions::default() };
     adjust(&mut scene, &shot.observations, &options, &Run::default()).expect("sound");
     for (f, (found, truth)) in scene.poses.iter().flatten().zip(shot.truth.poses.iter().flatten()).enumerate() {
-        assert!(!held.contains(&(f as u32)) || found == truth);
+        assert!(!fixed.contains(&(f as u32)) || found == truth);
         assert!((found.center() - truth.center()).norm() < 1e-6, "frame {f}, without any alignment");
     }
     assert_eq!(scene.intrinsics, shot.truth.intrinsics);
 }
 
 #[test]
-fn without_held_poses_the_first_stays_and_the_scale_with_it() {
+fn without_fixed_poses_the_first_stays_and_the_scale_with_it() {
     let shot = Shot::new(&ShotOptions { seed: 8, frames: 24, ..ShotOptions::default() });
     let mut scene = shot.start(&ROUGH, 3);
     let (first, extent) = (scene.poses[0], farthest(&scene));
@@ -114,7 +114,7 @@ fn farthest(scene: &Scene) -> f64 {
 }
 
 #[test]
-fn a_turning_camera_gets_its_rotations_and_no_nonsense() {
+fn a_rotating_camera_gets_its_rotations_and_finite_points() {
     let shot = Shot::new(&ShotOptions { seed: 9, course: Course::Rotation, frames: 30, ..ShotOptions::default() });
     let mut scene = shot.start(&Disturbance { shift: 0.0, focal_factor: 1.0, ..ROUGH }, 1);
     scene.points.iter_mut().flatten().for_each(|p| p.inverse_depth = 0.0);
@@ -167,7 +167,7 @@ fn a_pose_is_found_from_points_in_spite_of_outliers() {
 }
 
 #[test]
-fn points_alone_return_to_their_places() {
+fn points_alone_return_to_their_positions() {
     let shot = Shot::new(&ShotOptions { seed: 13, frames: 24, k1: -0.05, ..ShotOptions::default() });
     let mut scene = shot.truth.clone();
     scene

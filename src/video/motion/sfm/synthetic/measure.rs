@@ -31,13 +31,13 @@ pub fn path_error(found: &[Option<CameraPose>], truth: &[Option<CameraPose>]) ->
     let apart = pairs.iter().map(centered).map(|(f, t)| (scale * (rotation * f) - t).norm_squared()).sum::<f64>();
     let length: f64 = pairs.windows(2).map(|w| (w[1].1.center() - w[0].1.center()).norm()).sum();
     let angle = |a: UnitQuaternion<f64>, b: UnitQuaternion<f64>| a.angle_to(&b).powi(2);
-    let common = common_turn(&pairs);
-    let turned = pairs.iter().map(|(f, t)| angle(f.rotation * common, t.rotation)).sum::<f64>();
+    let common = common_rotation(&pairs);
+    let rotated = pairs.iter().map(|(f, t)| angle(f.rotation * common, t.rotation)).sum::<f64>();
     let step = |a: &CameraPose, b: &CameraPose| b.rotation * a.rotation.inverse();
     let steps = pairs.windows(2).map(|w| angle(step(&w[0].0, &w[1].0), step(&w[0].1, &w[1].1))).sum::<f64>();
     PathError {
         position: (apart / n).sqrt() / length.max(f64::MIN_POSITIVE),
-        rotation: (turned / n).sqrt(),
+        rotation: (rotated / n).sqrt(),
         frame_to_frame: (steps / (n - 1.0).max(1.0)).sqrt(),
     }
 }
@@ -53,7 +53,7 @@ fn umeyama(moments: &Matrix3<f64>, spread: f64) -> (Matrix3<f64>, f64) {
 }
 
 /// `C` that minimizes the sum of squared angles of `R_found C` to `R_true`, to first order about the first pair's.
-fn common_turn(pairs: &[(CameraPose, CameraPose)]) -> UnitQuaternion<f64> {
+fn common_rotation(pairs: &[(CameraPose, CameraPose)]) -> UnitQuaternion<f64> {
     let Some(first) = pairs.first() else { return UnitQuaternion::identity() };
     let between = |p: &(CameraPose, CameraPose)| p.0.rotation.inverse() * p.1.rotation;
     let start = between(first);

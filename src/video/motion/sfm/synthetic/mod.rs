@@ -76,7 +76,7 @@ pub struct Shot {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disturbance {
     /// Turn of every camera about a random axis, rad.
-    pub turn: f64,
+    pub rotation: f64,
     /// Shift of every camera in a random direction, as a share of the path's length.
     pub shift: f64,
     /// Depths are multiplied or divided by up to this factor.
@@ -94,7 +94,7 @@ const DEPTHS: (f64, f64) = (3.0, 30.0);
 /// A point under observation.
 struct Followed {
     index: u32,
-    place: Point3,
+    position: Point3,
     until: f64,
 }
 
@@ -142,16 +142,16 @@ impl Shot {
         rng: &mut fastrand::Rng,
     ) {
         let lens = self.truth.intrinsics;
-        let seen = |p: &Followed| projected(path, &lens, options.readout, frame, &p.place).filter(inside);
+        let seen = |p: &Followed| projected(path, &lens, options.readout, frame, &p.position).filter(inside);
         followed.retain(|p| frame as f64 <= p.until && seen(p).is_some());
         while followed.len() < options.per_frame {
             let pixel = Point2::new(SIZE.0 * rng.f64(), SIZE.1 * rng.f64());
             let depth = DEPTHS.0 * (DEPTHS.1 / DEPTHS.0).powf(rng.f64());
             let Some(ray) = lens.ray(pixel) else { continue };
             let index = self.truth.points.len() as u32;
-            let place = path.pose(frame as f64).inverse().apply(&Point3::from(depth * ray));
+            let position = path.pose(frame as f64).inverse().apply(&Point3::from(depth * ray));
             let until = frame as f64 - options.lifetime * (1.0 - rng.f64()).ln();
-            let point = Followed { index, place, until };
+            let point = Followed { index, position, until };
             if seen(&point).is_some() {
                 let anchored = ScenePoint { anchor: frame as u32, ray: ray.xy(), inverse_depth: 1.0 / depth };
                 self.truth.points.push(Some(anchored));
@@ -178,9 +178,9 @@ impl Shot {
         let centers: Vec<_> = scene.poses.iter().flatten().map(CameraPose::center).collect();
         let length: f64 = centers.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
         for pose in scene.poses.iter_mut().flatten() {
-            let turn = UnitQuaternion::from_scaled_axis(disturbance.turn * direction(&mut rng));
+            let rotation = UnitQuaternion::from_scaled_axis(disturbance.rotation * direction(&mut rng));
             let center = pose.center() + disturbance.shift * length * direction(&mut rng);
-            *pose = CameraPose::looking_from(center, turn * pose.rotation);
+            *pose = CameraPose::looking_from(center, rotation * pose.rotation);
         }
         for point in scene.points.iter_mut().flatten() {
             point.inverse_depth *= disturbance.depth_factor.powf(2.0 * rng.f64() - 1.0);
@@ -192,13 +192,13 @@ impl Shot {
 }
 
 /// Pixel at which a point is seen by the row that looks at it.
-fn projected(path: &ShakyPath, lens: &Intrinsics, readout: f64, frame: usize, place: &Point3) -> Option<Point2> {
+fn projected(path: &ShakyPath, lens: &Intrinsics, readout: f64, frame: usize, position: &Point3) -> Option<Point2> {
     let mut time = frame as f64;
-    let mut pixel = lens.project(&path.pose(time).apply(place))?;
+    let mut pixel = lens.project(&path.pose(time).apply(position))?;
     // Row and time determine each other; each round is nearer by the rows that the picture moves per row, far below one.
     for _ in 0..if readout == 0.0 { 0 } else { 30 } {
         time = frame as f64 + (pixel.y / SIZE.1 - 0.5) * readout;
-        pixel = lens.project(&path.pose(time).apply(place))?;
+        pixel = lens.project(&path.pose(time).apply(position))?;
     }
     Some(pixel)
 }

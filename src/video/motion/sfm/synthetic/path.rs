@@ -54,10 +54,10 @@ impl ShakyPath {
         let shake = |channel: usize| -> f64 {
             self.sines[channel].iter().map(|(a, f, p)| a * (TAU * f * time + p).sin()).sum()
         };
-        let (turn, center) = self.intended(time);
-        let turn = turn + Vec3::new(shake(0), shake(1), shake(2));
+        let (rotation, center) = self.intended(time);
+        let rotation = rotation + Vec3::new(shake(0), shake(1), shake(2));
         let center = center + Vec3::new(shake(3), shake(4), shake(5));
-        let (pitch, yaw, roll) = (turn.x, turn.y, turn.z);
+        let (pitch, yaw, roll) = (rotation.x, rotation.y, rotation.z);
         let about = |axis: Vec3, angle: f64| UnitQuaternion::from_scaled_axis(angle * axis);
         let rotation = about(Vec3::z(), roll) * about(Vec3::x(), pitch) * about(Vec3::y(), yaw);
         CameraPose::looking_from(Point3::from(center), rotation)

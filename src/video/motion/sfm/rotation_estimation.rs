@@ -1,7 +1,7 @@
 //! The cameras of a shot that shows no parallax: rotations, and points at infinity.
 //!
 //! Between keyframes `i`, `j` the rays `m = K⁻¹ x` of a turning camera obey `m_j ∝ R_ij m_i`. The focal length is the one
-//! under which the pairs that turned most are turns ([`super::fit_turn`]); the relative rotations of all pairs at that
+//! under which the pairs that turned most are rotations ([`super::fit_conjugate_rotation`]); the relative rotations of all pairs at that
 //! focal length are averaged ([`super::average_rotations`]), which forgets pairs that a mover misled; every other frame is
 //! turned against the keyframe before it. The adjustment then moves rotations, rays and lens, and no translation: what
 //! moves in the picture besides is noise, and a translation would only make a story of it.
@@ -16,20 +16,20 @@ use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
 /// Share of the pairs, those that turned most, that are asked for the focal length.
-const ASKED: usize = 3;
+const PAIR_DIVISOR: usize = 3;
 
 /// The focal length of a turning camera, px; `None` where no pair turned.
-pub(super) fn focal_of_turns(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
-    let mut turns: Vec<(f64, f64)> =
-        edges.iter().filter_map(|e| e.view.turn).map(|t| (t.rotation.angle(), t.focal_ratio)).collect();
-    turns.sort_by(|a, b| b.0.total_cmp(&a.0));
-    turns.truncate(turns.len().div_ceil(ASKED));
-    let mut ratios: Vec<f64> = turns.into_iter().map(|t| t.1).collect();
+pub(super) fn focal_of_rotations(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
+    let mut rotations: Vec<(f64, f64)> =
+        edges.iter().filter_map(|e| e.view.rotation).map(|t| (t.rotation.angle(), t.focal_ratio)).collect();
+    rotations.sort_by(|a, b| b.0.total_cmp(&a.0));
+    rotations.truncate(rotations.len().div_ceil(PAIR_DIVISOR));
+    let mut ratios: Vec<f64> = rotations.into_iter().map(|t| t.1).collect();
     median(&mut ratios).map(|ratio| camera.focal * ratio)
 }
 
 /// Turns the cameras of `mapper`, whose keyframes are `keys`, and puts the points at infinity.
-pub(super) fn turn_cameras(
+pub(super) fn estimate_rotations(
     table: &TrackTable,
     mapper: &mut Mapper<'_>,
     keys: &[usize],
@@ -39,7 +39,7 @@ pub(super) fn turn_cameras(
     let camera = mapper.scene.intrinsics;
     let row = |frame: usize| keys.binary_search(&frame).ok();
     let measured = edges.iter().filter_map(|e| {
-        let second_from_first = turn_between(&e.matches, &camera)?.rotation;
+        let second_from_first = rotation_pose(&e.matches, &camera)?.rotation;
         Some(RotationEdge {
             first: row(e.first)?,
             second: row(e.second)?,
@@ -54,14 +54,14 @@ pub(super) fn turn_cameras(
     let unknown: Vec<usize> = (0..table.frames()).filter(|&f| mapper.scene.poses[f].is_none()).collect();
     for frame in unknown {
         run.check()?;
-        mapper.scene.poses[frame] = turned_from_known(table, &mapper.scene.poses, frame, keys, &camera);
+        mapper.scene.poses[frame] = rotated_from_known(table, &mapper.scene.poses, frame, keys, &camera);
     }
     place_at_infinity(table, mapper);
     Ok(())
 }
 
 /// The pose of a frame by the nearest keyframe, or else neighbor, before it that shares enough points.
-fn turned_from_known(
+fn rotated_from_known(
     table: &TrackTable,
     poses: &[Option<CameraPose>],
     frame: usize,
@@ -72,11 +72,11 @@ fn turned_from_known(
     let neighbor = (0..frame).rev().find(|&f| poses[f].is_some());
     key.into_iter().chain(neighbor).find_map(|from| {
         let shared = table.shared(from, frame);
-        (shared.len() >= MIN_INLIERS).then(|| Some(turn_between(&shared, camera)? * poses[from]?)).flatten()
+        (shared.len() >= MIN_INLIERS).then(|| Some(rotation_pose(&shared, camera)? * poses[from]?)).flatten()
     })
 }
 
-fn turn_between(matches: &[Match], camera: &Intrinsics) -> Option<CameraPose> {
+fn rotation_pose(matches: &[Match], camera: &Intrinsics) -> Option<CameraPose> {
     let ray = |p| camera.ray(p).map(|r: Vec3| r.normalize());
     let rays: Vec<(Vec3, Vec3)> = matches.iter().filter_map(|m| Some((ray(m.first)?, ray(m.second)?))).collect();
     (rays.len() >= MIN_INLIERS)
@@ -87,11 +87,11 @@ fn turn_between(matches: &[Match], camera: &Intrinsics) -> Option<CameraPose> {
 pub(super) fn place_at_infinity(table: &TrackTable, mapper: &mut Mapper<'_>) {
     for point in 0..table.points() {
         let first = table.of_point(point).find(|o| mapper.scene.poses[o.frame as usize].is_some());
-        let place = first.and_then(|o| {
+        let found = first.and_then(|o| {
             let ray = mapper.scene.intrinsics.undistorted(o.pixel)?;
             Some(ScenePoint { anchor: o.frame, ray, inverse_depth: 0.0 })
         });
-        mapper.scene.points[point] = place.filter(|_| !mapper.is_banned(point));
+        mapper.scene.points[point] = found.filter(|_| !mapper.is_banned(point));
     }
 }
 
@@ -112,27 +112,27 @@ mod tests {
     }
 
     #[test]
-    fn turns_tell_the_focal_length_whatever_is_assumed() {
+    fn rotations_determine_the_focal_length_from_any_assumed_one() {
         let (_, table) = turning(0.0);
         for assumed in [480.0, 576.0, 700.0] {
             let camera = Intrinsics::centered(assumed, 640, 360);
             let edges = view_graph(&table, &keyframes(&table, &camera), &camera, 1.5, &Run::default())
                 .expect("a run that never stops");
-            let focal = focal_of_turns(&edges, &camera).expect("it turned");
+            let focal = focal_of_rotations(&edges, &camera).expect("it turned");
             assert!((focal / 576.0 - 1.0).abs() < 0.05, "{focal} from {assumed}");
         }
-        assert_eq!(focal_of_turns(&[], &Intrinsics::centered(576.0, 640, 360)), None);
+        assert_eq!(focal_of_rotations(&[], &Intrinsics::centered(576.0, 640, 360)), None);
     }
 
     #[test]
-    fn every_frame_is_turned_and_none_is_moved_and_points_lie_at_infinity() {
+    fn every_frame_is_rotated_none_translated_and_points_are_at_infinity() {
         let (shot, table) = turning(0.1);
         let camera = Intrinsics::centered(576.0, 640, 360);
         let keys = keyframes(&table, &camera);
         let edges = view_graph(&table, &keys, &camera, 1.1, &Run::default()).expect("a run that never stops");
         let run = Run::default();
         let mut mapper = Mapper::new(&table, &keys, camera, LensPrior { sigma_ln_focal: 0.1, sigma_k1: 0.1 }, &run);
-        turn_cameras(&table, &mut mapper, &keys, &edges, &Run::default()).expect("a run that never stops");
+        estimate_rotations(&table, &mut mapper, &keys, &edges, &Run::default()).expect("a run that never stops");
         assert!(mapper.scene.poses.iter().all(|p| p.is_some_and(|p| p.translation == Vec3::zeros())));
         let error = path_error(&mapper.scene.poses, &shot.truth.poses);
         assert!(error.rotation < 0.2_f64.to_radians(), "{error:?}");
