@@ -207,7 +207,10 @@ fn bad_input_is_named_and_nothing_is_written() {
     let before = names(folder);
     for (args, told) in [
         (&["morph", "a.obj", "b.obj", "-o", "m.obj"][..], "the meshes differ: 162 and 642 vertices"),
-        (&["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "few.json"], "2 landmarks do not fix"),
+        (
+            &["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "few.json"],
+            "2 landmarks do not determine a similarity",
+        ),
         (
             &["morph", "a.obj", "b.obj", "-o", "m.obj", "--landmarks", "none.json"],
             "landmark 1: the second mesh has no vertex 9999",

@@ -13,7 +13,7 @@ const FACADE: &str = "plumbline";
 
 /// Type names that more than one crate has. Each is a word of two fields and always used with its module; a new one needs a reason
 /// of its own here, or better another name.
-const SHARED_NAMES: [(&str, &str); 15] = [
+const SHARED_NAMES: [(&str, &str); 13] = [
     ("Clip", "a movement of a character; the motion that a path is planned from"),
     ("Component", "connected, of the graph of a matrix; of a surface"),
     ("Correspondence", "of points of two pictures; of two surfaces"),
@@ -22,11 +22,9 @@ const SHARED_NAMES: [(&str, &str); 15] = [
     ("Model", "a mesh file's; COLMAP's"),
     ("Plane", "of a frame; a mirror in space"),
     ("Segment", "a straight edge in a picture; frames treated alike"),
-    ("Sight", "what a pixel sees; a point as a camera saw it"),
     ("Stop", "when an iterative solve is good enough; why a deformation ended"),
     ("Target", "of rectifying; of inverse kinematics"),
     ("TrajectoryOptions", "of points over time; of shapes between two"),
-    ("Turn", "of a picture by its EXIF tag; of a camera; of a handle"),
     ("View", "where the viewer looks; one more view of a point"),
     ("WriteOptions", "of clips; of meshes"),
 ];
@@ -67,7 +65,7 @@ fn public_items(source: &str) -> Vec<String> {
         let code = item.split(" // ").next().unwrap_or(&item).trim_end();
         let depth = |open, close| code.matches(open).count() as i64 - code.matches(close).count() as i64;
         let closed = depth('(', ')') == 0 && depth('[', ']') == 0;
-        let import = code.starts_with("pub use") || code.starts_with("pub const") || code.starts_with("pub static");
+        let import = code.starts_with("pub use ") || code.starts_with("pub const ") || code.starts_with("pub static");
         let ends = if import { code.ends_with(';') } else { code.ends_with(['{', '}', ';', ',']) };
         if closed && ends {
             let declared = if import { code } else { code.split(" {").next().unwrap_or(code) };

@@ -98,8 +98,8 @@ fn failures_to_solve_are_reported_by_their_cause_and_leave_no_file() {
     std::fs::write(folder.path().join("bytes.mtx"), b"%%MatrixMarket \xff").expect("a writable folder");
     write(folder.path(), "bad.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 9 1\n");
     let cases: [(&[&str], i32, &str); 16] = [
-        (&["floating.mtx", "--method", "cholesky"], 65, "is held by nothing; fix one of its unknowns"),
-        (&["floating.mtx"], 65, "the component of 16 unknown(s) that holds unknown 0 is held by nothing"),
+        (&["floating.mtx", "--method", "cholesky"], 65, "has no constraint; fix one of its unknowns"),
+        (&["floating.mtx"], 65, "the component of 16 unknown(s) that contains unknown 0 has no constraint"),
         (&["empty.mtx"], 65, "empty.mtx: line 1: expected `%%MatrixMarket"),
         (&["cut.mtx"], 65, "cut.mtx: line 4: the file ends after 2 of 3 entries"),
         (&["nan.mtx"], 65, "nan.mtx: line 3: `nan` is not finite"),

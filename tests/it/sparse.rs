@@ -141,7 +141,7 @@ fn a_singular_system_names_its_component() {
         assert_eq!(component.unknowns, (12..21).collect::<Vec<_>>());
         assert_eq!(
             error.to_string(),
-            "the system is singular: the component of 9 unknown(s) that holds unknown 12 is held by nothing; \
+            "the system is singular: the component of 9 unknown(s) that contains unknown 12 has no constraint; \
              fix one of its unknowns or give it a weight"
         );
         let mut x = vec![1.0; 21];

@@ -179,5 +179,5 @@ fn a_clip_without_focal_length_is_refused_with_what_to_give() {
     let clip = Path::new(env!("CARGO_MANIFEST_DIR")).join("media/street-walk.mp4");
     let run = plumbline_in(folder.path(), &["rectify", &clip.to_string_lossy(), "-o", "a.mp4"]);
     assert_eq!(run.status.code(), Some(2), "{}", err(&run));
-    assert!(err(&run).contains("tells no focal length") && err(&run).contains("--fov"), "{}", err(&run));
+    assert!(err(&run).contains("states no focal length") && err(&run).contains("--fov"), "{}", err(&run));
 }

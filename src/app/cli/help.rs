@@ -15,8 +15,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
 ];
 
 /// The exit codes, for every command.
-const EXIT_CODES: &str = "\
-  0    done
+const EXIT_CODES: &str = "  0    done
   1    internal error
   2    wrong command line or pipeline file
   3    finished, but some items failed

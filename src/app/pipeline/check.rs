@@ -123,6 +123,10 @@ pub(super) fn stage_settings(
         Expected { what: stage_problem_name(stage), schema: &schema, required: kind.required, accepts: &accepts };
     let Checked { json, deferred } =
         check_table(&stage.settings, stage.name.span, &expected, scope, &file.sources, problems);
+    // What waits for the item counts as given: a path of the item is a path.
+    let waiting = deferred.iter().filter_map(|e| Some((e.key.clone(), Json::from(e.node.text()?))));
+    let whole: serde_json::Map<_, _> = json.clone().into_iter().chain(waiting).collect();
+    let conflicts = (kind.parse)(Json::Object(whole)).map(|settings| settings.conflicts()).unwrap_or_default();
     let settings = match (kind.parse)(Json::Object(json)) {
         Ok(settings) => Some(settings),
         Err(error) => {
@@ -131,7 +135,7 @@ pub(super) fn stage_settings(
             None
         }
     };
-    for conflict in settings.iter().flat_map(|s| s.conflicts()) {
+    for conflict in conflicts {
         let span = stage.settings.iter().find(|e| e.key == conflict.key).map(|e| e.key_span.or(e.node.span));
         problems.push(
             Problem::new("conflict", format!("{}: {}", expected.what, conflict.message))

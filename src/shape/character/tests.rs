@@ -163,5 +163,5 @@ fn pruning_and_limits_keep_the_strongest_and_the_sum() {
     assert!(pruned.sums().all(|s| (s - 1.0).abs() < 1e-15));
     assert_eq!(weights.pruned(0.99).expect("in range").row(0), [Influence { joint: 0, weight: 1.0 }]);
     assert!(message(weights.limited(0)).contains("influences 0"));
-    assert!(message(weights.pruned(1.0)).contains("least weight 1"));
+    assert!(message(weights.pruned(1.0)).contains("min_weight 1"));
 }

@@ -191,11 +191,11 @@ mod tests {
         let cases = [
             ("plumbline.weights", "plumbline.skeleton", "not a file of weights"),
             ("\"version\": 1", "\"version\": 2", "version 2"),
-            ("0.7, 0", "0.7, 3", "row 1: joint 3 (expected numbers of joints, 0 to 2"),
+            ("0.7, 0", "0.7, 3", "row 1: joint 3 (expected pairs of a joint index, 0 to 2"),
             ("0.7, 0", "0.7, 0.5", "row 1: joint 0.5"),
             ("[0, 1]", "[0]", "row 0: 1 numbers"),
             ("0.3]", "0.4]", "vertex 1 sum to 1.1"),
-            ("[0, 1]", "[]", "1 vertices follow no joint"),
+            ("[0, 1]", "[]", "1 vertices have no weight"),
             ("rows", "raws", "unknown field `raws`"),
         ];
         for (from, to, expected) in cases {

@@ -419,9 +419,9 @@ fn unfittable_inputs_are_rejected_with_the_reason() {
     let dot = CurveSkeleton { nodes: vec![Point3::origin()], ..CurveSkeleton::default() };
     for (template, curve, expected) in [
         (&point, &curve, "the template has 1 joints at one position"),
-        (&skeleton, &dot, "the curve in the middle has 1 nodes and no limb"),
-        (&skeleton, &dash, "the curve in the middle has 2 nodes"),
-        (&skeleton, &CurveSkeleton::default(), "the curve in the middle has 0 nodes"),
+        (&skeleton, &dot, "the curve skeleton has 1 nodes and no limb"),
+        (&skeleton, &dash, "the curve skeleton has 2 nodes"),
+        (&skeleton, &CurveSkeleton::default(), "the curve skeleton has 0 nodes"),
         (&skeleton, &broken, "node 3 of the curve is not finite"),
         (&skeleton, &beyond, "ends at node 9999, but there are"),
     ] {

@@ -268,5 +268,5 @@ fn options_out_of_range_are_rejected() {
     let refused =
         |o: WeightOptions| bone_weights(&mesh, &skeleton, &o, &Run::default()).expect_err("refused").to_string();
     assert!(refused(WeightOptions { influences: 0, ..Default::default() }).contains("influences 0"));
-    assert!(refused(WeightOptions { min_weight: f64::NAN, ..Default::default() }).contains("least weight NaN"));
+    assert!(refused(WeightOptions { min_weight: f64::NAN, ..Default::default() }).contains("min_weight NaN"));
 }

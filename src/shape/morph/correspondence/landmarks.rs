@@ -221,7 +221,7 @@ mod tests {
         assert!(
             vertices(&[(1, 1), (2, 12)]).contains("landmark 1: the second mesh has no vertex 12 (expected 0 to 11")
         );
-        assert!(vertices(&[(1, 1), (1, 2)]).contains("the vertex of the first mesh is 1, named before"));
+        assert!(vertices(&[(1, 1), (1, 2)]).contains("the vertex of the first mesh is 1, listed before"));
         let nowhere = Landmarks(vec![(VertexRef::Nearest([f64::NAN, 0.0, 0.0]), VertexRef::Vertex(0))]);
         assert!(nowhere.vertices(&mesh, &mesh).is_err());
         let p = mesh.positions()[7] * 1.1;

@@ -58,7 +58,7 @@ pub struct TrajectoryOptions {
     #[serde(alias = "rounds")]
     #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 10_000), extend("aliases" = ["rounds"])))]
     pub iterations: usize,
-    /// Full turns added to the global rotation; -1 turns 90 degrees into 270 degrees in the opposite direction.
+    /// Full rotations of 360 degrees added to the global rotation; -1 makes 90 degrees 270 degrees in the opposite direction.
     #[cfg_attr(feature = "schema", schemars(range(min = -100, max = 100)))]
     pub full_rotations: i32,
 }

@@ -133,7 +133,7 @@ fn errors_name_the_handle_the_value_and_the_remedy() {
         (one("\"vertices\": \"foot\""), "handle \"tip\": there is no set \"foot\" (sets: none)"),
         (
             one("\"vertices\": {\"sphere\": {\"center\": [9, 9, 9], \"radius\": 1}}"),
-            "no vertex of the mesh lies in it; the mesh reaches from (0, 0, 0) to (1, 1, 1)",
+            "no vertex of the mesh is inside; the mesh extends from (0, 0, 0) to (1, 1, 1)",
         ),
         (one("\"vertices\": {\"sphere\": {\"center\": [9, 9, 9], \"radius\": 0}}"), "radius is 0 (expected above 0)"),
         (
@@ -142,7 +142,10 @@ fn errors_name_the_handle_the_value_and_the_remedy() {
         ),
         (one("\"vertices\": {\"half_space\": {\"point\": [0, 0, 0], \"normal\": [0, 0, 0]}}"), "normal is"),
         (one("\"vertices\": {\"range\": [5, 3]}"), "range is [5, 3]"),
-        (one("\"vertices\": {\"disk\": 3}"), "the name of a set, or one of {\"indices\""),
+        (
+            one("\"vertices\": {\"disk\": 3}"),
+            "a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\"",
+        ),
         (one(&format!("{vertex}, \"weight\": 0")), "weight is 0 (expected above 0; leave it out"),
         (one(&format!("{vertex}, \"wieght\": 1")), "unknown field `wieght`"),
         (one(&format!("{vertex}, \"rigid\": {{}}")), "rigid is empty (expected rotation, translation or keys)"),
@@ -165,7 +168,7 @@ fn errors_name_the_handle_the_value_and_the_remedy() {
         ),
         (
             one("\"vertices\": {\"range\": [0, 1]}, \"positions\": [[0, 0, 0], [1, 1, 1]]"),
-            "whose order tells which place is whose",
+            "in the order of the positions",
         ),
         (one("\"vertices\": {\"indices\": [1, 1]}, \"positions\": [[0, 0, 0], [1, 1, 1]]"), "no vertex twice"),
         ("\"handles\": []".to_owned(), "handles is an empty list"),
@@ -176,7 +179,7 @@ fn errors_name_the_handle_the_value_and_the_remedy() {
         (
             "\"sets\": {\"a\": {\"not\": \"b\"}, \"b\": {\"not\": \"a\"}}, \"handles\": [{\"vertices\": \"a\"}]"
                 .to_owned(),
-            "the set \"a\" is made of itself",
+            "the set \"a\" is defined by itself",
         ),
     ];
     for (body, message) in cases {

@@ -127,7 +127,7 @@ fn a_model_is_rejected_for_another_mesh_or_skeleton_and_matches_joints_by_name()
     };
     let name = skeleton.joints()[1].name.clone();
     assert!(told(&mesh, &joints(&|j| j[1].name = format!("{name}x"))).contains(&format!("no joint {name:?}")));
-    assert!(told(&mesh, &joints(&|j| j[1].parent = None)).contains("on none in the skeleton"));
+    assert!(told(&mesh, &joints(&|j| j[1].parent = None)).contains("and none in the skeleton"));
     // In reverse order: the same pose.
     let swapped = joints(&|j| {
         j.swap(0, 1);
