@@ -108,7 +108,9 @@ fn the_minimizer_is_the_dense_one() {
         let err = (x[i].transpose() - expected.row(k)).norm();
         assert!(err < 1e-12 * N as f64, "unknown {i}: {err}");
     }
-    CORNERS.iter().for_each(|&i| assert_eq!(x[i], bent(i), "fixed values are kept exactly"));
+    for &i in &CORNERS {
+        assert_eq!(x[i], bent(i), "fixed values are kept exactly");
+    }
 }
 
 #[test]
@@ -145,7 +147,9 @@ fn a_soft_constraint_pulls_by_its_weight() {
         let laplacian = ConstrainedLaplacian::new(N, weighted().chain(soft), |_| false).expect("in range");
         let mut solver = laplacian.factor(&Ordering::Amd, &Run::default()).expect("constrained");
         let mut x: Vec<[f64; 2]> = vec![[0.0; 2]; N];
-        CORNERS.iter().for_each(|&i| x[i] = (weight * bent(i)).into());
+        for &i in &CORNERS {
+            x[i] = (weight * bent(i)).into();
+        }
         solver.solve(&mut x);
         let x: Vec<Vec2> = x.into_iter().map(Vec2::from).collect();
         let cost = |x: &[Vec2]| {

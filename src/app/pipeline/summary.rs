@@ -197,7 +197,7 @@ impl Summary {
             text = format!("wrote {files} ({:.1} s)\n", self.seconds);
         }
         for warning in &self.warnings {
-            text += &format!("warning: {warning}\n");
+            text.extend(["warning: ", warning, "\n"]);
         }
         text
     }

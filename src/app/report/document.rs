@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_report_on_a_clip_is_json_too() {
-        let report = Report { readout_s: Some(0.02), shots: vec![0..5], ..Report::default() };
+        let report = Report { readout_s: Some(0.02), shots: std::iter::once(0..5).collect(), ..Report::default() };
         let json: Json = serde_json::from_str(&report.written(ReportFormat::Json)).expect("JSON");
         assert_eq!(
             (&json["version"], &json["readout_s"], &json["shots"][0]["end"]),

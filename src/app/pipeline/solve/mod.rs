@@ -196,9 +196,9 @@ fn changed(a: &GeneralMatrix, changes: &[Change], job: &SolveJob) -> Result<Gene
     });
     for (row, sign) in changes {
         for &(i, u) in row {
-            row.iter().for_each(|&(j, v)| {
+            for &(j, v) in row {
                 sum.add_entry(i, j, sign * u * v);
-            });
+            }
         }
     }
     sum.build().map_err(|e| said(&job.matrix, &e))

@@ -51,7 +51,7 @@ impl MeshFacts {
             match edge {
                 [_] => facts.boundary_edges += 1,
                 [(_, g), (_, h)] => {
-                    facts.inconsistent_edges += usize::from(origins[*g as usize] == origins[*h as usize])
+                    facts.inconsistent_edges += usize::from(origins[*g as usize] == origins[*h as usize]);
                 }
                 _ => facts.non_manifold_edges += 1,
             }

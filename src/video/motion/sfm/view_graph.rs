@@ -54,7 +54,7 @@ pub(super) fn view_graph(
     let pairs: Vec<(usize, usize)> = pairs.collect();
     // Tolerances in px hold at 640 px across.
     let unit = f64::from(table.width.max(table.height)) / 640.0;
-    let options = TwoViewOptions { max_focal_ratio: max_focal_ratio, ..TwoViewOptions::for_focal(camera.focal / unit) };
+    let options = TwoViewOptions { max_focal_ratio, ..TwoViewOptions::for_focal(camera.focal / unit) };
     let judged = pairs.par_iter().map(|&(first, second)| {
         let mut matches = table.shared(first, second);
         if matches.len() < MIN_SHARED {
