@@ -174,7 +174,7 @@ fn errors_name_the_handle_the_value_and_the_remedy() {
         ("\"handles\": []".to_owned(), "handles is an empty list"),
         (
             "\"handles\": [{\"vertices\": {\"range\": [0, 4]}}, {\"vertices\": {\"range\": [3, 7]}}]".to_owned(),
-            "vertex 3 belongs to handle 1 and to handle 2, 2 in all: take them out of one",
+            "vertex 3 is in handle 1 and in handle 2 (2 vertices in total): remove them from one",
         ),
         (
             "\"sets\": {\"a\": {\"not\": \"b\"}, \"b\": {\"not\": \"a\"}}, \"handles\": [{\"vertices\": \"a\"}]"
