@@ -49,7 +49,7 @@ impl Offer for Deform {
         Setting::of("tolerance").value("FRACTION").under("Method"),
         Setting::of("cotangents").under("Method"),
         Setting::of("solver").under("Method"),
-        Setting::of("start").value("FROM").under("Method"),
+        Setting::of("init").value("FROM").under("Method"),
         Setting::of("laplacian").value("WHAT").under("Method"),
         Setting::of("rotation_estimation").value("HOW").under("Method"),
         Setting::of("unconstrained").under("Method"),

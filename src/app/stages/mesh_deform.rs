@@ -33,7 +33,9 @@ pub struct MeshDeformSettings {
     #[serde(flatten)]
     pub options: DeformOptions,
     /// The initial guess; a pose after the first one starts from the one before
-    pub start: InitialGuess<'static>,
+    #[serde(alias = "start")]
+    #[schemars(extend("aliases" = ["start"]))]
+    pub init: InitialGuess<'static>,
     /// The surface moves up to this far from handles that move, along edges, in units of the mesh; all of it if left out
     #[schemars(range(min = 0.0))]
     pub roi: Option<f64>,
@@ -61,7 +63,7 @@ impl Default for MeshDeformSettings {
             handles: String::new(),
             method: Method::default(),
             options: DeformOptions::default(),
-            start: InitialGuess::default(),
+            init: InitialGuess::default(),
             roi: None,
             iterations: DONE.max_iterations as u32,
             tolerance: DONE.tolerance,
@@ -183,7 +185,7 @@ impl PoseSolver<'_, '_> {
             max_iterations: iterations.min(self.settings.iterations as usize),
             tolerance: self.settings.tolerance,
         };
-        let start = if self.at.is_some() { InitialGuess::Last } else { self.settings.start };
+        let start = if self.at.is_some() { InitialGuess::Last } else { self.settings.init };
         let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence, run).map_err(surface_error)?;
         self.at = Some(time);
         Ok(deformed)
