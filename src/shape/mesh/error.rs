@@ -5,16 +5,16 @@ use std::fmt;
 use super::io::MeshFormat;
 use plumbline_num::run::Stopped;
 
-/// Why a mesh could not be made, read or written.
+/// Errors of constructing, reading and writing meshes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// Input: a triangle names a vertex that does not exist.
+    /// Input: a triangle with a vertex index out of range.
     #[error("triangle {triangle} names vertex {vertex}, but the mesh has {vertices} vertices, numbered from 0")]
     NoSuchVertex {
         /// The triangle, numbered from 0.
         triangle: usize,
-        /// The vertex it names.
+        /// The vertex index.
         vertex: u32,
         /// Number of vertices of the mesh.
         vertices: usize,
@@ -31,28 +31,28 @@ pub enum MeshError {
         /// Third coordinate.
         z: f64,
     },
-    /// Input: more vertices than an index can name.
+    /// Input: more vertices than a 32-bit index can address.
     #[error("the mesh has {vertices} vertices, more than the {} that can be numbered", u32::MAX)]
     TooManyVertices {
         /// Number of vertices.
         vertices: usize,
     },
-    /// Input: three or more triangles share an edge, or two traverse it in the same direction.
+    /// Input: an edge with three or more incident triangles, or with two of inconsistent orientation.
     #[error(
         "vertices {from} and {to} are joined by {triangles} triangles of which {along} run from the first to the second; an \
          oriented manifold has at most one each way: repair the mesh first (`mesh::repair`, `plumbline mesh repair`)"
     )]
     NonManifoldEdge {
-        /// One end.
+        /// One end vertex.
         from: u32,
-        /// The other end.
+        /// The other end vertex.
         to: u32,
-        /// Triangles at the edge.
+        /// Number of incident triangles.
         triangles: usize,
-        /// Those that run along it from the first end to the second.
+        /// Number of incident triangles that traverse the edge from the first end to the second.
         along: usize,
     },
-    /// Input: the triangles around a vertex form several fans.
+    /// Input: a non-manifold vertex, whose incident triangles form several fans.
     #[error(
         "the triangles around vertex {vertex} form {fans} separate fans; repair the mesh first (`mesh::repair`, `plumbline mesh \
          repair`)"
@@ -63,7 +63,7 @@ pub enum MeshError {
         /// Number of fans.
         fans: usize,
     },
-    /// Input: a triangle that names a vertex twice.
+    /// Input: a triangle with a repeated vertex index.
     #[error(
         "triangle {triangle} names a vertex twice; repair the mesh first (`mesh::repair`, `plumbline mesh repair`)"
     )]
@@ -71,32 +71,32 @@ pub enum MeshError {
         /// The triangle, numbered from 0.
         triangle: usize,
     },
-    /// Input: nodes, skins, morph targets or animations that do not fit the mesh or each other.
+    /// Input: nodes, skins, morph targets or animations inconsistent with the mesh or with each other.
     #[error("how the model moves is not consistent: {fault}")]
     Articulation {
-        /// What does not fit.
+        /// The inconsistency.
         fault: String,
     },
-    /// Input: a file that is not what its format asks for.
+    /// Input: a file that violates the specification of its format.
     #[error("{format}, {at}: {fault}")]
     Malformed {
-        /// Format as which it was read.
+        /// Format the file was read as.
         format: MeshFormat,
-        /// Where in the file.
+        /// Position in the file.
         at: Position,
-        /// What is wrong, the value, and what to do.
+        /// The fault with the offending value, and the remedy.
         fault: String,
     },
-    /// Input: a file of no known format.
+    /// Input: a file of an unknown format.
     #[error("not a mesh that is read here ({seen}); OBJ, PLY, OFF, STL, glTF, GLB and Medit .mesh are")]
     UnknownFormat {
-        /// Its first bytes, or its name.
+        /// First bytes of the file, or its name.
         seen: String,
     },
-    /// Input, or the limit: larger than allowed.
+    /// Input, or the limit: a quantity exceeds its limit.
     #[error("{what} of {value} is more than the limit of {limit}; raise the limit if the file is to be trusted")]
     TooLarge {
-        /// What was counted.
+        /// Name of the quantity.
         what: &'static str,
         /// Its value.
         value: u64,
@@ -115,30 +115,30 @@ pub enum MeshError {
         /// System error.
         reason: String,
     },
-    /// One of the other faults, in this file.
+    /// Another error, with the path of the file.
     #[error("{path}: {fault}")]
     InFile {
         /// The file.
         path: String,
-        /// What is wrong with it.
+        /// The error.
         fault: Box<MeshError>,
     },
-    /// The run was interrupted, or its time is used up.
+    /// The run was interrupted, or its time budget is exhausted.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
 }
 
 impl MeshError {
-    /// The same fault, of this file.
+    /// Wraps the error in [`Self::InFile`] with the path; interruptions are returned unchanged.
     pub(super) fn of_file(self, path: &std::path::Path) -> Self {
-        // That a run ended is no fault of the file.
+        // An interrupted run is not an error of the file.
         if let Self::Interrupted(_) = self {
             return self;
         }
         Self::InFile { path: path.display().to_string(), fault: Box::new(self) }
     }
 
-    /// The output is at fault, not the input.
+    /// Whether the error concerns the output, not the input.
     pub fn is_output(&self) -> bool {
         match self {
             Self::Unwritable { .. } => true,
@@ -151,11 +151,11 @@ impl MeshError {
 /// A position in a mesh file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Position {
-    /// Line of a text file, counted from 1.
+    /// Line number in a text file, from 1.
     Line(usize),
-    /// Byte of a binary file, counted from 0.
+    /// Byte offset in a binary file, from 0.
     Byte(usize),
-    /// Value of a JSON document, such as `/accessors/3/count`.
+    /// JSON pointer to a value, such as `/accessors/3/count`.
     Json(String),
 }
 

@@ -1,29 +1,45 @@
-//! Neighborhoods of an oriented manifold surface, with or without boundary.
+//! Half-edge data structure of an oriented 2-manifold triangle mesh, with or without boundary.
 //!
-//! Half-edge `h = 3t + k` runs from corner `k` of triangle `t` to the next corner; the triangle lies to its left. Its twin runs the
-//! other way along the same edge in the triangle beside it; on the boundary it has none. Nothing but the twins and one half-edge
-//! per vertex is stored.
+//! Half-edge `h = 3t + k` runs from corner `k` of triangle `t` to the next corner, with the triangle to its left. Next,
+//! previous and face are therefore arithmetic on `h`; only the origin, the twin (opposite half-edge) and one outgoing half-edge
+//! per vertex are stored.
+//!
+//! Invariants of the tables after [`HalfEdges::new`]:
+//!
+//! ```text
+//! twin(twin(h)) = h                                      where h has a twin
+//! origin(twin(h)) = destination(h), and conversely       the two half-edges of an edge run in opposite directions
+//! origin(outgoing(v)) = v                                where a triangle references v
+//! twin(outgoing(v)) = none                               exactly where v is on the boundary
+//! ```
+//!
+//! # Reference
+//! M. Botsch, L. Kobbelt, M. Pauly, P. Alliez, B. Lévy, *Polygon Mesh Processing*, 2010, chapter 2.
 
 use super::{MeshError, TriMesh};
 
+/// Null index: no twin, or no outgoing half-edge. `u32::MAX` is no valid half-edge, and one word instead of an `Option<u32>`
+/// halves the tables.
 const NONE: u32 = u32::MAX;
 
-/// Half-edges of a mesh.
+/// Half-edge connectivity of an oriented manifold triangle mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HalfEdges {
-    /// Vertex from which each half-edge starts.
+    /// Origin vertex of each half-edge.
     origins: Vec<u32>,
+    /// Opposite half-edge of each half-edge; [`NONE`] on the boundary.
     twins: Vec<u32>,
-    /// One outgoing half-edge per vertex; a boundary one for boundary vertices.
+    /// One outgoing half-edge per vertex: the boundary half-edge for boundary vertices; [`NONE`] for isolated vertices.
     outgoing: Vec<u32>,
+    /// Number of half-edges without a twin.
     boundary_edges: usize,
 }
 
 impl HalfEdges {
-    /// The half-edges of an oriented manifold mesh. Vertices that no triangle names have none.
+    /// The half-edges of an oriented manifold mesh. Isolated vertices (referenced by no triangle) have none.
     ///
     /// # Errors
-    /// [`MeshError::RepeatedCorner`], [`MeshError::NonManifoldEdge`] (also where neighbors are oriented differently),
+    /// [`MeshError::RepeatedCorner`], [`MeshError::NonManifoldEdge`] (also for inconsistently oriented adjacent triangles),
     /// [`MeshError::NonManifoldVertex`].
     pub fn new(mesh: &TriMesh) -> Result<Self, MeshError> {
         for (triangle, &[a, b, c]) in mesh.triangles().iter().enumerate() {
@@ -43,6 +59,8 @@ impl HalfEdges {
         Ok(half_edges)
     }
 
+    /// Pairs the half-edges of each edge as twins: one half-edge is a boundary edge, two in opposite directions are twins, all
+    /// else is non-manifold or inconsistently oriented.
     fn pair(&mut self) -> Result<(), MeshError> {
         for edge in edge_groups(&self.origins).iter() {
             match *edge {
@@ -61,7 +79,8 @@ impl HalfEdges {
         Ok(())
     }
 
-    /// Chooses where to start around each vertex, and checks that this leads around all its triangles.
+    /// Chooses the outgoing half-edge of each vertex, preferring one on the boundary, and checks that rotating about the vertex
+    /// from it reaches all incident triangles, so that they form a single fan.
     fn start(&mut self) -> Result<(), MeshError> {
         let mut degree = vec![0_u32; self.outgoing.len()];
         for h in 0..self.origins.len() as u32 {
@@ -81,6 +100,7 @@ impl HalfEdges {
         Ok(())
     }
 
+    /// Number of fans (maximal edge-connected sets of incident triangles) at a vertex. Linear in the mesh: for error messages.
     fn fans(&self, vertex: u32) -> usize {
         let mut left: Vec<u32> = (0..self.origins.len() as u32).filter(|&h| self.origin(h) == vertex).collect();
         let mut fans = 0;
@@ -97,7 +117,7 @@ impl HalfEdges {
         self.origins.len()
     }
 
-    /// Without triangles.
+    /// Whether the mesh has no triangles.
     pub fn is_empty(&self) -> bool {
         self.origins.is_empty()
     }
@@ -107,7 +127,7 @@ impl HalfEdges {
         usize::midpoint(self.origins.len(), self.boundary_edges)
     }
 
-    /// Number of edges with one triangle.
+    /// Number of boundary edges: edges with a single incident triangle.
     pub fn boundary_edge_count(&self) -> usize {
         self.boundary_edges
     }
@@ -117,13 +137,13 @@ impl HalfEdges {
         (0..self.origins.len() as u32).filter(|&h| self.twin(h).is_none_or(|twin| h < twin))
     }
 
-    /// Vertex from which a half-edge starts.
+    /// Origin vertex of a half-edge.
     #[inline]
     pub fn origin(&self, h: u32) -> u32 {
         self.origins[h as usize]
     }
 
-    /// Vertex to which a half-edge leads.
+    /// Destination vertex of a half-edge.
     #[inline]
     pub fn destination(&self, h: u32) -> u32 {
         self.origins[Self::next(h) as usize]
@@ -153,7 +173,7 @@ impl HalfEdges {
         Some(self.twins[h as usize]).filter(|&twin| twin != NONE)
     }
 
-    /// A half-edge out of a vertex, the one on the boundary where there is one; `None` where no triangle names the vertex.
+    /// An outgoing half-edge of a vertex, the boundary half-edge where the vertex has one; `None` for an isolated vertex.
     #[inline]
     pub fn outgoing(&self, vertex: u32) -> Option<u32> {
         Some(self.outgoing[vertex as usize]).filter(|&h| h != NONE)
@@ -164,23 +184,24 @@ impl HalfEdges {
         self.outgoing(vertex).is_some_and(|h| self.twin(h).is_none())
     }
 
-    /// Half-edges out of a vertex, counterclockwise, from the boundary on where there is one.
+    /// Outgoing half-edges of a vertex, counterclockwise, starting at the boundary half-edge where the vertex has one.
     pub fn around(&self, vertex: u32) -> impl Iterator<Item = u32> {
         self.outgoing(vertex).into_iter().flat_map(|first| self.rotate(first))
     }
 
+    /// Outgoing half-edges in counterclockwise order from `first`, until the boundary or `first` again.
     fn rotate(&self, first: u32) -> impl Iterator<Item = u32> {
         let step = move |&h: &u32| self.twin(Self::previous(h)).filter(|&next| next != first);
         std::iter::successors(Some(first), step)
     }
 
-    /// Neighbors of a vertex, counterclockwise.
+    /// One-ring neighbors of a vertex, counterclockwise.
     pub fn neighbors(&self, vertex: u32) -> impl Iterator<Item = u32> {
         let last = self.around(vertex).last().map(Self::previous).filter(|&h| self.twin(h).is_none());
         self.around(vertex).map(|h| self.destination(h)).chain(last.map(|h| self.origin(h)))
     }
 
-    /// Closed lines of boundary vertices, each with the surface to its left.
+    /// Boundary loops as closed sequences of vertices, each with the surface to its left.
     pub fn boundary_loops(&self) -> Vec<Vec<u32>> {
         let mut seen = vec![false; self.outgoing.len()];
         let mut loops = Vec::new();
@@ -198,16 +219,18 @@ impl HalfEdges {
     }
 }
 
-/// Half-edges sorted by their edge.
+/// Half-edges sorted by their undirected edge: `(low << 32 | high, half-edge)` with `low < high` the end vertices.
 pub(crate) struct EdgeGroups(Vec<(u64, u32)>);
 
-/// Groups the half-edges of triangles, given by their origins, by the edge along which they run.
+/// Groups the half-edges of triangles, given by their origins, by undirected edge: a counting sort by the lower end vertex,
+/// then a comparison sort within each vertex. The mesh may be non-manifold.
 pub(crate) fn edge_groups(origins: &[u32]) -> EdgeGroups {
     let ends = |h: u32| {
         let (p, q) = (origins[h as usize], origins[HalfEdges::next(h) as usize]);
         (p.min(q), p.max(q))
     };
-    // Few edges share their lower end: what is dealt out by it is all but sorted.
+    // Counting sort by the lower end vertex; few edges have the same one, so the sorts within a vertex are short.
+    // Prefix sums: `next[v]` is the first slot of the edges with lower end `v`.
     let mut next = vec![0; origins.iter().max().map_or(0, |v| *v as usize + 2)];
     let half_edges = 0..origins.len() as u32;
     half_edges.clone().for_each(|h| next[ends(h).0 as usize + 1] += 1);
@@ -219,7 +242,7 @@ pub(crate) fn edge_groups(origins: &[u32]) -> EdgeGroups {
         sorted[*place] = (u64::from(low) << 32 | u64::from(high), h);
         *place += 1;
     }
-    // Now each `next` is where those of the next vertex start.
+    // Each `next[v]` is now the end of the slots of `v`, and so the first slot of vertex `v + 1`.
     let mut start = 0;
     for end in next {
         sorted[start..end].sort_unstable();
@@ -229,7 +252,7 @@ pub(crate) fn edge_groups(origins: &[u32]) -> EdgeGroups {
 }
 
 impl EdgeGroups {
-    /// The half-edges of each edge: its key and their numbers, ascending.
+    /// One slice per edge: the key of the edge with each of its half-edges, in ascending order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &[(u64, u32)]> {
         self.0.chunk_by(|a, b| a.0 == b.0)
     }

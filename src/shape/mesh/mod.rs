@@ -1,5 +1,5 @@
-//! Meshes: the regular grid laid over an image, the same grid after its vertices have moved, and surfaces of triangles with
-//! their files, neighborhoods and repair.
+//! Triangle meshes: indexed face set ([`TriMesh`]), half-edge connectivity ([`HalfEdges`]), discrete differential operators,
+//! repair to an oriented manifold, procedural test shapes, and readers and writers of mesh files.
 
 mod error;
 mod half_edges;

@@ -1,11 +1,13 @@
-//! A surface of triangles: positions and the corners that join them. Nothing about it is assumed beyond finite positions
-//! and corners that exist: it may be open, in pieces, non-manifold, degenerate.
+//! Triangle mesh as an indexed face set: vertex positions, and three vertex indices per triangle.
+//!
+//! Invariants: all coordinates are finite and all indices are in range. The mesh may be open, disconnected, non-manifold or
+//! degenerate.
 
 use nalgebra::{Point3, Vector3};
 
 use super::MeshError;
 
-/// Triangles over shared vertices. Corners run counterclockwise seen from outside.
+/// Indexed face set. The corners of a triangle are in counterclockwise order seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriMesh {
     positions: Vec<Point3<f64>>,
@@ -13,11 +15,11 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
-    /// A mesh of these vertices and triangles.
+    /// A mesh of the given vertices and triangles.
     ///
     /// # Errors
-    /// [`MeshError::NotFinite`] names the first vertex that is not finite, [`MeshError::NoSuchVertex`] the first corner
-    /// that does not exist.
+    /// [`MeshError::TooManyVertices`] for more than `u32::MAX` vertices, [`MeshError::NotFinite`] with the first vertex that is
+    /// not finite, [`MeshError::NoSuchVertex`] with the first index out of range.
     pub fn new(positions: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
         let vertices = positions.len();
         if u32::try_from(vertices).is_err() {
@@ -32,13 +34,13 @@ impl TriMesh {
         Ok(Self { positions, triangles })
     }
 
-    /// The same triangles over other positions.
+    /// A mesh with the same connectivity and new vertex positions.
     ///
     /// # Errors
-    /// [`MeshError::NotFinite`].
+    /// [`MeshError::NotFinite`] for a NaN or infinite coordinate.
     ///
     /// # Panics
-    /// Where the number of positions differs.
+    /// If the number of positions differs from the number of vertices.
     pub fn with_positions(&self, positions: Vec<Point3<f64>>) -> Result<Self, MeshError> {
         assert_eq!(positions.len(), self.positions.len(), "one position per vertex");
         check_finite(&positions)?;
@@ -50,12 +52,12 @@ impl TriMesh {
         &self.positions
     }
 
-    /// Corners of the triangles.
+    /// Vertex indices of the triangles.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Number of vertices, those that no triangle names among them.
+    /// Number of vertices, including isolated ones.
     pub fn vertex_count(&self) -> usize {
         self.positions.len()
     }
@@ -71,14 +73,14 @@ impl TriMesh {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
-    /// Normal of a triangle with twice its area as length; zero if degenerate.
+    /// Area-weighted normal of a triangle, of length twice its area; zero if degenerate.
     #[inline]
     pub fn area_normal(&self, triangle: usize) -> Vector3<f64> {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(&(c - a))
     }
 
-    /// Unit normals of the vertices: the sum of the triangles around each, weighted by area; zero where they cancel.
+    /// Unit vertex normals: the area-weighted average of the incident triangle normals; zero where they cancel.
     pub fn vertex_normals(&self) -> Vec<Vector3<f64>> {
         let mut normals = vec![Vector3::zeros(); self.positions.len()];
         for (t, corners) in self.triangles.iter().enumerate() {
@@ -93,13 +95,13 @@ impl TriMesh {
         normals
     }
 
-    /// Area of all triangles, in squared units of the positions.
+    /// Surface area, in squared units of the positions.
     pub fn area(&self) -> f64 {
         (0..self.triangles.len()).map(|t| 0.5 * self.area_normal(t).norm()).sum()
     }
 
-    /// Signed volume inside a closed, oriented surface (divergence theorem), taken about the middle of its box so that a
-    /// mesh far from the origin loses no digits. Without meaning for an open one.
+    /// Signed volume enclosed by a closed, oriented surface (divergence theorem), computed about the center of the bounding box
+    /// to avoid cancellation for a mesh far from the origin. Meaningless for an open surface.
     pub fn volume(&self) -> f64 {
         let Some((low, high)) = self.bounding_box() else { return 0.0 };
         let middle = nalgebra::center(&low, &high);
@@ -110,18 +112,19 @@ impl TriMesh {
         (0..self.triangles.len()).map(cone).sum::<f64>() / 6.0
     }
 
-    /// Lowest and highest coordinates; `None` without vertices.
+    /// Axis-aligned bounding box as its minimum and maximum corners; `None` without vertices.
     pub fn bounding_box(&self) -> Option<(Point3<f64>, Point3<f64>)> {
         let first = *self.positions.first()?;
         Some(self.positions.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p))))
     }
 
-    /// Length of the diagonal of the bounding box: the unit of lengths that do not depend on the model's own.
+    /// Length of the bounding box diagonal: the reference length of scale-invariant tolerances.
     pub fn diagonal(&self) -> f64 {
         self.bounding_box().map_or(0.0, |(low, high)| (high - low).norm())
     }
 }
 
+/// Rejects NaN and infinite coordinates; the error has the first such vertex.
 fn check_finite(positions: &[Point3<f64>]) -> Result<(), MeshError> {
     match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
         None => Ok(()),
@@ -132,7 +135,7 @@ fn check_finite(positions: &[Point3<f64>]) -> Result<(), MeshError> {
     }
 }
 
-/// Neighbors of each of `vertices` vertices, ascending; triangles need not make a manifold.
+/// One-ring neighbors of each of `vertices` vertices, ascending; the triangles may be non-manifold.
 pub fn neighbors_of_vertices(vertices: usize, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut rings = vec![Vec::new(); vertices];
     for &[a, b, c] in triangles {

@@ -1,4 +1,4 @@
-//! The notation for vertices in our files.
+//! Vertex references in input files: by index or by position.
 
 use nalgebra::Point3;
 use serde::Deserialize;
@@ -64,12 +64,13 @@ impl From<Notation> for VertexRef {
 }
 
 impl VertexRef {
-    /// The vertex of a mesh that is meant; `None` where the mesh has no such index or no vertex, or the position is not finite.
+    /// The referenced vertex of a mesh; `None` if the index is out of range, the mesh has no vertices, or the position is not
+    /// finite.
     pub fn find(&self, mesh: &TriMesh) -> Option<u32> {
         self.find_in(mesh.positions())
     }
 
-    /// The same among positions of vertices.
+    /// [`Self::find`] for a list of vertex positions. The nearest vertex is found by linear search.
     pub fn find_in(&self, positions: &[Point3<f64>]) -> Option<u32> {
         match *self {
             Self::Vertex(index) => usize::try_from(index).is_ok_and(|i| i < positions.len()).then_some(index as u32),

@@ -1,4 +1,4 @@
-//! Which format a file has.
+//! Detection of the file format.
 
 use std::path::Path;
 
@@ -6,13 +6,13 @@ use super::MeshFormat;
 use super::text::shown;
 use crate::mesh::MeshError;
 
-/// The format by content; by the name where the content leaves it open.
+/// The format by content; by the file name where the content is ambiguous.
 pub(super) fn format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError> {
     let named = MeshFormat::of_name(name);
     if bytes.is_empty() {
         return Err(MeshError::UnknownFormat { seen: "an empty file".to_owned() });
     }
-    // Binary STL has an arbitrary header, even "ply" or "solid": its size identifies it.
+    // The header of binary STL is arbitrary and may begin with "ply" or "solid": the file size identifies the format.
     if named == Some(MeshFormat::Stl) && super::stl::is_binary(bytes) {
         return Ok(MeshFormat::Stl);
     }
@@ -25,6 +25,7 @@ pub(super) fn format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError>
     }
 }
 
+/// The format by its magic number or first keyword, after a byte order mark and white space.
 fn by_content(bytes: &[u8]) -> Option<MeshFormat> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     let begins = |word: &[u8]| text.starts_with(word);

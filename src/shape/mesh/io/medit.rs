@@ -1,4 +1,4 @@
-//! Medit `.mesh` as text: `Vertices`, `Triangles`, `Quadrilaterals`; tetrahedra, edges and the rest are left out.
+//! Medit `.mesh` as text: `Vertices`, `Triangles`, `Quadrilaterals`; tetrahedra, edges and all other entities are ignored.
 //!
 //! # Reference
 //! P. Frey, *Medit: an interactive mesh visualization software*, INRIA technical report 0253, 2001.
@@ -9,7 +9,8 @@ use super::{MeshFormat, finite};
 use crate::mesh::{MeshError, ModelBuilder, NO_VALUE};
 use plumbline_num::run::Run;
 
-/// Keywords with the number of values of each of their items.
+/// Ignored keywords with the number of values per item, from the format specification: vertex indices and a reference for
+/// elements, one index for lists of entities, components for vectors.
 const KEYWORDS: [(&[u8], usize); 13] = [
     (b"Tetrahedra", 5),
     (b"Hexahedra", 9),
@@ -62,7 +63,7 @@ pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     Ok(builder)
 }
 
-/// Item count, checked against the remaining size of the file.
+/// Item count, checked against the remaining file size (at least two bytes per value) before allocation.
 fn count(words: &mut Words<'_>, values: usize) -> Result<usize, MeshError> {
     let count: usize = words.whole("the number of items")?;
     let left = words.remaining();

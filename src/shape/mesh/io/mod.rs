@@ -1,8 +1,8 @@
 //! Mesh files: OBJ, PLY, OFF, STL, glTF and GLB read and written, Medit `.mesh` read.
 //!
-//! Readers are strict about what a mesh depends on (counts, indices, finite positions) and say where in the file the fault is;
-//! what they leave out they list in [`Model::warnings`]. Counts in a header are held against the size of the file before memory
-//! is taken for them. Formats are told by content first, by the name's extension where the content leaves it open.
+//! Readers validate counts, indices and finite positions strictly and report the position of a fault in the file; ignored
+//! contents are listed in [`Model::warnings`]. Counts in a header are checked against the file size before allocation. The
+//! format is detected by content first, then by the file name extension.
 
 mod detect;
 mod gltf;
@@ -44,7 +44,7 @@ pub enum MeshFormat {
 }
 
 impl MeshFormat {
-    /// The format of a name's extension.
+    /// The format of a file name extension.
     pub fn of_name(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Some(match extension.as_str() {
@@ -74,12 +74,13 @@ impl fmt::Display for MeshFormat {
     }
 }
 
-/// What a reader may take.
+/// Size limits of the readers. They bound memory for hostile files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
-    /// Largest size of the file and the files it refers to, together, bytes.
+    /// Maximum total size of the file and the files it references, bytes.
     pub max_bytes: u64,
-    /// Largest number of vertices, and of face corners. A glTF file may instantiate one mesh many times.
+    /// Maximum number of vertices, and of face corners. Not bounded by the file size: a glTF file may instantiate one mesh many
+    /// times.
     pub max_elements: u64,
 }
 
@@ -100,7 +101,7 @@ impl ReadLimits {
 /// Reads a mesh file.
 ///
 /// # Errors
-/// [`MeshError::InFile`] with the fault; [`MeshError::Interrupted`].
+/// [`MeshError::InFile`] with the cause; [`MeshError::Interrupted`].
 pub fn read_model(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Model, MeshError> {
     let read = || {
         let bytes = read_file(path, limits.max_bytes)?;
@@ -110,7 +111,7 @@ pub fn read_model(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Model, 
     read().map_err(|fault: MeshError| fault.of_file(path))
 }
 
-/// The format of a mesh file's bytes; the name decides where they leave it open.
+/// Detects the format of a mesh file by content, or by the name where the content is ambiguous.
 ///
 /// # Errors
 /// [`MeshError::UnknownFormat`].
@@ -118,10 +119,10 @@ pub fn detect_format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError>
     detect::format(bytes, name)
 }
 
-/// The model in these bytes. `folder` is where a glTF file may refer to other files; `None` allows none.
+/// Decodes a model. `folder` is the folder of the files that a glTF file may reference; `None` allows none.
 ///
 /// # Errors
-/// [`MeshError::Malformed`] where the bytes are not what the format asks for, [`MeshError::TooLarge`] beyond the limits,
+/// [`MeshError::Malformed`] for bytes that violate the format specification, [`MeshError::TooLarge`] beyond the limits,
 /// [`MeshError::Interrupted`].
 pub fn decode_model(
     bytes: &[u8],
@@ -160,17 +161,17 @@ fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, MeshError> {
     }
     let mut bytes = Vec::new();
     let file = std::fs::File::open(path).map_err(fault)?;
-    // The file may grow while it is read.
+    // The file may grow while it is read: read at most one byte more than the limit.
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(fault)?;
     if bytes.len() as u64 > limit { Err(too_large(bytes.len() as u64)) } else { Ok(bytes) }
 }
 
-/// A fault of a file.
+/// The error of a malformed file.
 fn malformed(format: MeshFormat, at: Position, fault: impl Into<String>) -> MeshError {
     MeshError::Malformed { format, at, fault: fault.into() }
 }
 
-/// Position of vertex `vertex`, rejected unless finite.
+/// The position of vertex `vertex`; an error unless finite.
 fn finite(
     format: MeshFormat,
     at: impl FnOnce() -> Position,
@@ -184,7 +185,7 @@ fn finite(
     Err(malformed(format, at(), MeshError::NotFinite { vertex, x, y, z }.to_string()))
 }
 
-/// Replaces non-finite normals or texture coordinates: they do not justify rejecting the shape.
+/// Replaces non-finite components of normals, texture coordinates and colors by zero: they do not justify rejecting the mesh.
 fn or_zero(value: f64) -> f64 {
     if value.is_finite() { value } else { 0.0 }
 }

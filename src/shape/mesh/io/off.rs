@@ -1,8 +1,9 @@
-//! OFF, the object file format of Geomview, as text: `[ST][C][N]OFF`, numbers of vertices, faces and edges, then a line each.
+//! OFF, the object file format of Geomview, as text: `[ST][C][N]OFF`, the numbers of vertices, faces and edges, then one line
+//! per vertex and per face.
 //!
-//! A vertex is `x y z`, with N a normal after it, with C a color, with ST texture coordinates. Whatever the keyword, three or
-//! four numbers left over after a vertex are its color. The counts may stand on the line of the keyword, even glued to it, and
-//! the keyword may be missing. Colors of faces are left out with a warning.
+//! A vertex is `x y z`, followed by a normal with N, a color with C, texture coordinates with ST. For any keyword, three or
+//! four extra numbers of a vertex are its color. The counts may be on the line of the keyword, with or without a space, and the
+//! keyword may be missing. Face colors are ignored with a warning.
 //!
 //! # Reference
 //! Geomview manual, *OFF: Object File Format*.
@@ -15,20 +16,20 @@ use super::{MeshFormat, finite, malformed, or_zero};
 use crate::mesh::{MeshError, Model, ModelBuilder, NO_VALUE, Position};
 use plumbline_num::run::Run;
 
-/// Which variant the keyword names.
+/// Vertex attributes announced by the keyword.
 #[derive(Clone, Copy, Debug, Default)]
 struct Variant {
     texture: bool,
     normals: bool,
 }
 
-/// The text begins with a keyword of this format.
+/// Whether the text begins with a keyword of this format.
 pub(super) fn is_keyword(text: &[u8]) -> bool {
     let word = &text[..text.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(text.len())];
     keyword(word).is_some()
 }
 
-/// The keyword prefix, and anything directly appended to it.
+/// The prefix of the keyword, and digits directly appended to it.
 fn keyword(word: &[u8]) -> Option<(&[u8], &[u8])> {
     let at = word.windows(3).position(|w| w == b"OFF")?;
     let (prefix, rest) = (&word[..at], &word[at + 3..]);
@@ -40,7 +41,7 @@ fn fault(line: usize, fault: impl Into<String>) -> MeshError {
     malformed(MeshFormat::Off, Position::Line(line), fault)
 }
 
-/// Lines without comments and without empty ones.
+/// Non-empty lines, without comments.
 struct Content<'a>(Lines<'a>);
 
 impl<'a> Content<'a> {
@@ -59,13 +60,15 @@ impl<'a> Content<'a> {
 /// Reads the file.
 pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     let mut content = Content(Lines::of(bytes));
+    // Header.
     let (variant, [vertices, faces]) = header(&mut content)?;
     let (at, left) = (content.0.number(), content.0.remaining());
-    // Each line has at least two bytes; the last may lack its line break.
+    // Bound allocation by the file size: each line has at least two bytes; the last may lack its line break.
     if vertices.saturating_add(faces) > left as u64 / 2 + 1 {
         let told = format!("{vertices} vertices and {faces} faces are announced, but only {left} bytes follow");
         return Err(fault(at, told));
     }
+    // Vertices, then faces.
     let mut builder = ModelBuilder::default();
     builder.positions.reserve(vertices as usize);
     for _ in 0..vertices {
@@ -77,6 +80,7 @@ pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
         run.check()?;
         face(&mut content, variant, vertices, &mut builder, &mut left_out)?;
     }
+    // Colors and warnings.
     scale_colors(&mut builder.colors);
     for (count, what) in [(left_out.colors, "colors of faces"), (left_out.small, "faces of fewer than three corners")] {
         if count > 0 {
@@ -95,6 +99,7 @@ struct Skipped {
     small: usize,
 }
 
+/// Reads the keyword and the numbers of vertices and faces.
 fn header(content: &mut Content<'_>) -> Result<(Variant, [u64; 2]), MeshError> {
     let (mut line, mut text) = content.line("the keyword OFF")?;
     let first = words(text).next().unwrap_or_default();
@@ -123,6 +128,7 @@ fn header(content: &mut Content<'_>) -> Result<(Variant, [u64; 2]), MeshError> {
     Ok((variant, [vertices, faces]))
 }
 
+/// Reads one vertex: position, normal, color, texture coordinates, in this order.
 fn vertex(content: &mut Content<'_>, variant: Variant, builder: &mut ModelBuilder) -> Result<(), MeshError> {
     let (line, text) = content.line("a vertex")?;
     let (mut values, mut count) = ([0.0; 12], 0);
@@ -157,6 +163,7 @@ fn vertex(content: &mut Content<'_>, variant: Variant, builder: &mut ModelBuilde
     Ok(())
 }
 
+/// Reads one face: the number of corners, the vertex indices, optionally a color.
 fn face(
     content: &mut Content<'_>,
     variant: Variant,
@@ -196,7 +203,7 @@ fn face(
     Ok(())
 }
 
-/// Colors are whole numbers to 255 or fractions; opacity that is not given is full.
+/// Scales colors to 0 to 1: the file has integers up to 255 or fractions. A missing opacity (NaN) becomes 1.
 fn scale_colors(colors: &mut [[f32; 4]]) {
     let whole = colors.iter().flat_map(|c| &c[..3]).any(|&c| c > 1.0);
     for color in colors {
@@ -210,7 +217,7 @@ fn scale_colors(colors: &mut [[f32; 4]]) {
     }
 }
 
-/// Writes the model as OFF, with colors as COFF. Fractions: whole numbers cannot hold every color.
+/// Writes the model as OFF, or as COFF with colors. Colors are written as fractions: integers up to 255 would be lossy.
 pub(super) fn write(model: &Model, out: &mut impl Write) -> io::Result<()> {
     let mesh = model.mesh();
     writeln!(out, "{}", if model.colors().is_some() { "COFF" } else { "OFF" })?;
@@ -218,7 +225,7 @@ pub(super) fn write(model: &Model, out: &mut impl Write) -> io::Result<()> {
     for (vertex, p) in mesh.positions().iter().enumerate() {
         write!(out, "{} {} {}", Number(p.x), Number(p.y), Number(p.z))?;
         if let Some(colors) = model.colors() {
-            // With a point, so that no reader takes 1 for one of 255.
+            // With a decimal point, so that no reader takes 1 for 1/255.
             colors[vertex].iter().try_for_each(|c| write!(out, " {c:?}"))?;
         }
         writeln!(out)?;

@@ -1,8 +1,8 @@
-//! STL, binary and as text: triangles that share no vertices. Joining them is [`repair`](crate::mesh::repair)'s part.
+//! STL, binary and text: a triangle soup without common vertices. [`repair`](crate::mesh::repair) welds them.
 //!
-//! Binary: 80 bytes of anything, the number of triangles, 50 bytes each: normal, three corners, two bytes unused. Text:
-//! `solid NAME`, `facet normal …`, `outer loop`, three times `vertex x y z`, `endloop`, `endfacet`, `endsolid`. Each solid is an
-//! object. Normals are left out: corners tell them.
+//! Binary: an arbitrary header of 80 bytes, the number of triangles (u32), then 50 bytes per triangle: normal, three corners,
+//! two unused bytes; little-endian. Text: `solid NAME`, `facet normal …`, `outer loop`, three times `vertex x y z`, `endloop`,
+//! `endfacet`, `endsolid`. Each solid is an object. Normals are ignored: the corners determine them.
 
 use std::io::{self, Write};
 
@@ -14,16 +14,18 @@ use super::{MeshFormat, finite, malformed};
 use crate::mesh::{Group, MeshError, Model, ModelBuilder, NO_VALUE, Position, TriMesh};
 use plumbline_num::run::Run;
 
+/// Bytes before the first triangle of a binary file: the header of 80 bytes and the triangle count of 4.
 const HEADER: usize = 84;
+/// Bytes per triangle of a binary file: twelve 32-bit numbers (normal and three corners) and two attribute bytes.
 const FACET: usize = 50;
 
-/// Number of triangles that a binary file announces.
+/// Number of triangles in the header of a binary file.
 fn announced(bytes: &[u8]) -> Option<u64> {
     let count: [u8; 4] = bytes.get(80..HEADER)?.try_into().ok()?;
     Some(u64::from(u32::from_le_bytes(count)))
 }
 
-/// Whether the size matches the binary header, which is practically impossible for text.
+/// Whether the file size matches the triangle count of a binary header, which is practically impossible for text.
 pub(super) fn is_binary(bytes: &[u8]) -> bool {
     announced(bytes).is_some_and(|count| HEADER as u64 + FACET as u64 * count == bytes.len() as u64)
 }
@@ -90,6 +92,7 @@ fn read_text(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     Ok(builder)
 }
 
+/// Reads one facet of a text file, after its keyword.
 fn facet(words: &mut Words<'_>, builder: &mut ModelBuilder, group: u32) -> Result<(), MeshError> {
     expect(words, "normal")?;
     for _ in 0..3 {
@@ -113,6 +116,7 @@ fn facet(words: &mut Words<'_>, builder: &mut ModelBuilder, group: u32) -> Resul
     Ok(())
 }
 
+/// Consumes the next word, which must be `keyword` in any letter case.
 fn expect(words: &mut Words<'_>, keyword: &str) -> Result<(), MeshError> {
     let word = words.word(keyword)?;
     if word.eq_ignore_ascii_case(keyword.as_bytes()) {
@@ -125,7 +129,7 @@ fn unit_normal(mesh: &TriMesh, t: usize) -> Vector3<f64> {
     mesh.area_normal(t).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }
 
-/// Writes the triangles in binary; 32-bit coordinates are all that it has.
+/// Writes the triangles in binary, with 32-bit coordinates.
 pub(super) fn write_binary(model: &Model, out: &mut impl Write) -> io::Result<()> {
     let mesh = model.mesh();
     let mut header = [b' '; 80];
@@ -142,7 +146,7 @@ pub(super) fn write_binary(model: &Model, out: &mut impl Write) -> io::Result<()
     Ok(())
 }
 
-/// Writes the triangles as text, one solid per object, with all digits of their coordinates.
+/// Writes the triangles as text, one solid per object; coordinates round-trip exactly.
 pub(super) fn write_text(model: &Model, out: &mut impl Write) -> io::Result<()> {
     let mesh = model.mesh();
     let object = |t: usize| model.groups().get(model.face_of_triangle()[t] as usize).map_or("", |g| &g.object);

@@ -1,9 +1,10 @@
-//! Lines, words and numbers of text files, with their positions.
+//! Tokenizer for text formats: lines, words and numbers with their positions.
 
 use super::{MeshFormat, malformed};
 use crate::mesh::{MeshError, Position};
 
-/// Lines of a file and their numbers from 1. Ends of lines are `\n`, `\r\n` or, without any `\n`, `\r`.
+/// Lines of a file with their numbers, from 1. Line endings are `\n`, `\r\n` or, in a file without `\n`, `\r`. A UTF-8 byte
+/// order mark is skipped.
 #[derive(Clone, Debug)]
 pub(super) struct Lines<'a> {
     rest: Option<&'a [u8]>,
@@ -18,7 +19,7 @@ impl<'a> Lines<'a> {
         Self { rest: Some(bytes), end, number: 0 }
     }
 
-    /// Number of the line that came last.
+    /// Number of the most recent line.
     pub(super) fn number(&self) -> usize {
         self.number
     }
@@ -42,27 +43,27 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Words between white space.
+/// Words separated by white space.
 pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
-/// A number; words that mean not-a-number give NaN, so that the caller can say which value it was.
+/// Parses a number; spellings of not-a-number give NaN, so that the caller can report the value.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     text.parse().ok().or_else(|| {
-        // As Microsoft's library prints them: 1.#QNAN, -1.#IND, 1.#INF, -nan(ind).
+        // Spellings of the Microsoft C runtime: 1.#QNAN, -1.#IND, 1.#INF, -nan(ind).
         let lower = text.to_ascii_lowercase();
         ["#qnan", "#snan", "#ind", "#inf", "nan("].iter().any(|mark| lower.contains(mark)).then_some(f64::NAN)
     })
 }
 
-/// A whole number.
+/// Parses an integer.
 pub(super) fn whole<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// The first 40 characters, in quotes, for messages.
+/// The first 40 characters in quotes, for error messages. 160 bytes contain at least 40 characters of UTF-8.
 pub(super) fn shown(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(160)]);
     let mut short: String = text.chars().take(40).collect();
@@ -72,7 +73,7 @@ pub(super) fn shown(bytes: &[u8]) -> String {
     format!("{short:?}")
 }
 
-/// Words of a whole text with the line of each, where lines mean nothing.
+/// Words of a text with their lines, for formats in which line breaks are plain white space.
 #[derive(Clone, Debug)]
 pub(super) struct Words<'a> {
     bytes: &'a [u8],
@@ -83,12 +84,12 @@ pub(super) struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    /// The words from byte `at`, which is in `line`; the rest of a line after `comment` is skipped.
+    /// The words from byte `at` in line `line`; text from `comment` to the end of a line is skipped.
     pub(super) fn new(bytes: &'a [u8], at: usize, line: usize, format: MeshFormat, comment: Option<u8>) -> Self {
         Self { bytes, at, line, format, comment }
     }
 
-    /// Line of the last word.
+    /// Line of the most recent word.
     pub(super) fn place(&self) -> Position {
         Position::Line(self.line)
     }
@@ -102,7 +103,7 @@ impl<'a> Words<'a> {
         malformed(self.format, self.place(), fault)
     }
 
-    /// The next word, if there is one.
+    /// The next word; `None` at the end of the file.
     pub(super) fn next_word(&mut self) -> Option<&'a [u8]> {
         loop {
             let &byte = self.bytes.get(self.at)?;
@@ -122,7 +123,7 @@ impl<'a> Words<'a> {
         Some(word)
     }
 
-    /// What is left of the line, its end excluded.
+    /// The remaining text of the line, without the line ending.
     pub(super) fn rest_of_line(&mut self) -> &'a [u8] {
         let rest = &self.bytes[self.at..];
         let line = &rest[..rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len())];
@@ -130,7 +131,7 @@ impl<'a> Words<'a> {
         line
     }
 
-    /// The next word, which must be there.
+    /// The next word; an error at the end of the file.
     pub(super) fn word(&mut self, what: &str) -> Result<&'a [u8], MeshError> {
         self.next_word()
             .ok_or_else(|| self.fault(format!("the file ends where {what} should follow; it may be cut short")))

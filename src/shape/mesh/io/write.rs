@@ -1,4 +1,4 @@
-//! Common parts of the writers: format choice, atomic files, numbers and names.
+//! Common parts of the writers: format selection, atomic files, numbers and names.
 
 use std::fmt;
 use std::io::{self, Write as _};
@@ -8,14 +8,14 @@ use super::{MeshFormat, gltf, obj, off, ply, stl};
 use crate::mesh::{CornerData, MeshError, Model};
 use plumbline_num::run::Run;
 
-/// How a file is written.
+/// Options of the writers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// PLY and STL as text; they are binary otherwise.
+    /// Write PLY and STL as text instead of binary.
     pub ascii: bool,
 }
 
-/// Writes a model in the format of the name's extension. The file appears whole or not at all.
+/// Writes a model in the format of the file name extension. Atomic: the file is written completely or not at all.
 ///
 /// # Errors
 /// [`MeshError::InFile`] around [`MeshError::UnknownFormat`] or [`MeshError::Unwritable`].
@@ -39,11 +39,11 @@ pub fn write_model_with(path: &Path, model: &Model, options: &WriteOptions, run:
     write().map_err(|fault: MeshError| fault.of_file(path))
 }
 
-/// Bytes between two checks of the run: a millisecond of formatting numbers. A check of each write, of one number or less, costs
-/// a tenth of writing OBJ.
+/// Bytes between two checks for interruption: a millisecond of formatting numbers. A check at each write, of one number or
+/// less, costs a tenth of the time to write OBJ.
 const CHECK_EVERY: usize = 1 << 16;
 
-/// Bytes that no longer grow once the run has ended.
+/// Output buffer whose writes fail once the run is interrupted.
 struct Watched<'a> {
     bytes: Vec<u8>,
     next_check: usize,
@@ -71,10 +71,10 @@ impl io::Write for Watched<'_> {
     }
 }
 
-/// The bytes of a model's file.
+/// Encodes a model as the bytes of a file.
 ///
 /// # Errors
-/// [`MeshError::Unwritable`] for a format that is only read, and where the model is larger than the format can hold;
+/// [`MeshError::Unwritable`] for a read-only format, and for coordinates out of the range of the format;
 /// [`MeshError::Interrupted`].
 pub fn encode_model(
     model: &Model,
@@ -82,6 +82,7 @@ pub fn encode_model(
     options: &WriteOptions,
     run: &Run,
 ) -> Result<Vec<u8>, MeshError> {
+    // Formats with 32-bit coordinates: reject coordinates beyond their range.
     let mut out = Watched { bytes: Vec::new(), next_check: 0, run };
     let beyond = |x: &f64| x.abs() > f64::from(f32::MAX);
     let single = matches!(format, MeshFormat::Gltf | MeshFormat::Glb) || format == MeshFormat::Stl && !options.ascii;
@@ -105,9 +106,10 @@ pub fn encode_model(
     Ok(out.bytes)
 }
 
-/// Attributes of this model that the format cannot represent, in words; empty if nothing is lost.
+/// Attributes of the model that the format cannot represent, in words; empty if the format is lossless for it.
 pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
     use MeshFormat as F;
+    // Properties of the model that decide which attributes are lost.
     let one_each = model.normals().is_none_or(|n| per_vertex(model, n).is_some());
     let small = model.mesh().positions().iter().all(|p| p.coords.iter().all(|&x| f64::from(x as f32) == x));
     let polygons = model.faces().len() != model.mesh().triangle_count();
@@ -135,12 +137,12 @@ pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
     .collect()
 }
 
-/// One value per vertex, where corners of a vertex agree.
+/// The attribute per vertex, if the corners of each vertex agree.
 pub(super) fn per_vertex<const N: usize>(model: &Model, data: &CornerData<N>) -> Option<Vec<[f64; N]>> {
     data.per_vertex(model.faces().vertices(), model.mesh().vertex_count())
 }
 
-/// Writes the bytes to a temporary file beside the target and renames it.
+/// Writes the bytes to a temporary file in the folder of the target, then renames it: an atomic replacement.
 fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
@@ -154,7 +156,7 @@ fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// A number in the fewest digits that read back the same, with an exponent where that is shorter.
+/// A number in the fewest digits that round-trip, with an exponent below 10⁻⁵ and from 10¹⁶.
 pub(super) struct Number(pub(super) f64);
 
 impl fmt::Display for Number {
@@ -164,7 +166,7 @@ impl fmt::Display for Number {
     }
 }
 
-/// A name that neither ends its line, nor continues it, nor begins a comment.
+/// A name on one line, escaped: no line break, no continuation (`\` at the end), no comment (`#` at the start of a word).
 pub(super) fn one_line(name: &str) -> String {
     let words: Vec<_> = name
         .split_whitespace()

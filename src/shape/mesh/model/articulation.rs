@@ -1,8 +1,9 @@
 //! Nodes, skins, morph targets and animations of a file, as plain data.
 //!
-//! A file that moves places its surface several times over: each *instance* is a mesh at a node. The vertices of a model lie where
-//! the instance stands at rest (in the space of its bind pose where it has a skin), so that whoever reads triangles alone need not
-//! know of nodes. What stands here is enough to write the file again, and to make a character of it; nothing here interprets it.
+//! A file with a scene graph may reference a mesh several times: each *instance* is a mesh at a node. The vertices of a model
+//! are in the world space of the rest pose of their instance (in the space of the bind pose where it has a skin), so that code
+//! that uses only the triangles can ignore the nodes. The data suffice to write the file again and to build a character;
+//! nothing here interprets them.
 
 use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use serde_json::Value;
@@ -14,17 +15,17 @@ use plumbline_num::spatial::UnionFind;
 /// Node hierarchy, skins and animations of a model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Articulation {
-    /// The nodes, a forest: each has at most one parent and is not its own ancestor.
+    /// The nodes, a forest: each has at most one parent, and there is no cycle.
     pub nodes: Vec<Node>,
-    /// Nodes that the scene begins with.
+    /// Root nodes of the scene.
     pub roots: Vec<u32>,
     /// The skins.
     pub skins: Vec<NodeSkin>,
-    /// Placements of meshes.
+    /// Instances of meshes.
     pub instances: Vec<Instance>,
     /// The instance of each vertex; `#V`.
     pub instance_of_vertex: Vec<u32>,
-    /// What the vertices of skinned instances follow; `#V` rows.
+    /// Joints and skinning weights of the vertices of skinned instances; `#V` rows.
     pub influences: Influences,
     /// The animations.
     pub animations: Vec<Animation>,
@@ -35,24 +36,24 @@ pub struct Articulation {
 pub struct Node {
     /// Its name.
     pub name: Option<String>,
-    /// Its parent.
+    /// Its parent; `None` for a root.
     pub parent: Option<u32>,
-    /// Local transform.
+    /// Local transform, `parent_from_node`.
     pub transform: NodeTransform,
     /// Other data of the file, passed through.
     pub extras: Option<Value>,
 }
 
-/// `parent_from_node`.
+/// Local transform of a node, `parent_from_node`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NodeTransform {
     /// x → t + R (s ∘ x).
     Trs {
-        /// t.
+        /// Translation t.
         translation: [f64; 3],
-        /// R as a quaternion x, y, z, w.
+        /// Rotation R as a quaternion x, y, z, w.
         rotation: [f64; 4],
-        /// s.
+        /// Scale s per axis.
         scale: [f64; 3],
     },
     /// Any affine map.
@@ -66,7 +67,7 @@ impl Default for NodeTransform {
 }
 
 impl NodeTransform {
-    /// The map as a matrix.
+    /// The transform as a homogeneous matrix. A zero quaternion counts as the identity.
     pub fn matrix(&self) -> Matrix4<f64> {
         match self {
             Self::Matrix(matrix) => *matrix,
@@ -82,23 +83,23 @@ impl NodeTransform {
     }
 }
 
-/// Nodes that a mesh follows.
+/// A skin: the nodes that deform a mesh by linear blend skinning.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeSkin {
     /// Its name.
     pub name: Option<String>,
-    /// The nodes that are its joints.
+    /// Node of each joint.
     pub joints: Vec<u32>,
-    /// `joint_from_bind` of each joint.
+    /// Inverse bind matrix `joint_from_bind` of each joint.
     pub inverse_binds: Vec<Matrix4<f64>>,
 }
 
-/// A mesh at a node.
+/// A mesh at a node (an instance).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Instance {
     /// The node.
     pub node: u32,
-    /// The skin that its vertices follow; without one they follow the node.
+    /// The skin of the mesh; without one the mesh follows the node rigidly.
     pub skin: Option<u32>,
     /// Name of the mesh.
     pub mesh: Option<String>,
@@ -106,29 +107,29 @@ pub struct Instance {
     pub targets: Vec<MorphTarget>,
 }
 
-/// Another shape of an instance, as differences.
+/// A morph target (blend shape) of an instance, as offsets from the base shape.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MorphTarget {
     /// Its name.
     pub name: Option<String>,
-    /// How far the instance is morphed at rest; 0 is not at all, 1 wholly.
+    /// Morph weight at rest: 0 for the base shape, 1 for the full target.
     pub weight: f64,
-    /// Vertices of the model that move, in ascending order.
+    /// Vertices of the model with an offset, in ascending order.
     pub vertices: Vec<u32>,
-    /// How far each of them moves.
+    /// Offset of each of these vertices.
     pub offsets: Vec<[f64; 3]>,
     /// Normal offsets; empty if the file has none.
     pub normals: Vec<[f64; 3]>,
 }
 
-/// Joints that vertices follow, and how closely; compressed rows.
+/// Joints and skinning weights per vertex, as compressed sparse rows (CSR).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Influences {
-    /// Where the row of each vertex begins, and where the last ends; empty where no vertex follows a joint.
+    /// First entry of the row of each vertex, followed by the end of the last row; empty if no vertex is skinned.
     pub starts: Vec<u32>,
-    /// Joints, numbered as in the skin of the vertex's instance.
+    /// Joint indices into the skin of the vertex's instance.
     pub joints: Vec<u32>,
-    /// Weights: positive, with a sum of one in each row that is not empty.
+    /// Weights: positive, summing to one in each non-empty row.
     pub weights: Vec<f64>,
 }
 
@@ -140,7 +141,7 @@ impl Influences {
         self.joints[range.clone()].iter().copied().zip(self.weights[range].iter().copied())
     }
 
-    /// Adds the row of the next vertex.
+    /// Appends the row of the next vertex.
     pub fn push(&mut self, row: impl IntoIterator<Item = (u32, f64)>) {
         if self.starts.is_empty() {
             self.starts.push(0);
@@ -152,7 +153,7 @@ impl Influences {
         self.starts.push(self.joints.len() as u32);
     }
 
-    /// The rows of these vertices, in their order.
+    /// The rows of the given vertices, in their order.
     fn of(&self, vertices: &[u32]) -> Self {
         let mut rows = Self::default();
         if !self.joints.is_empty() {
@@ -164,32 +165,31 @@ impl Influences {
     }
 }
 
-/// A movement.
+/// An animation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Animation {
     /// Its name.
     pub name: Option<String>,
-    /// What moves.
+    /// Its channels, one per animated property of a node.
     pub channels: Vec<Channel>,
 }
 
-/// How one property of a node changes.
+/// A keyframe track of one property of a node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// The node.
     pub node: u32,
-    /// What of it.
+    /// The animated property.
     pub property: Property,
-    /// How values between keys are found.
+    /// Interpolation between keys.
     pub interpolation: ChannelInterpolation,
     /// Key times, s: finite, strictly increasing, at least one.
     pub times: Vec<f64>,
-    /// Values at the keys, all numbers of one after the other; for each key of a cubic spline the tangent in, the value and the
-    /// tangent out.
+    /// Values at the keys, concatenated; for each key of a cubic spline the in-tangent, the value and the out-tangent.
     pub values: Vec<f64>,
 }
 
-/// What moves.
+/// An animated property of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Property {
     /// Three numbers.
@@ -202,30 +202,31 @@ pub enum Property {
     Weights,
 }
 
-/// How values between keys are found.
+/// Interpolation between keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ChannelInterpolation {
-    /// The last key's.
+    /// Constant: the value of the preceding key.
     Step,
-    /// On the straight line; on the great circle for rotations.
+    /// Linear; spherical linear (slerp) for rotations.
     #[default]
     Linear,
-    /// Cubic Hermite; normalized for rotations.
+    /// Cubic Hermite spline; normalized for rotations.
     CubicSpline,
 }
 
 impl ChannelInterpolation {
-    /// Values per key.
+    /// Stored values per key.
     pub fn per_key(self) -> usize {
         if self == Self::CubicSpline { 3 } else { 1 }
     }
 }
 
 impl Articulation {
-    /// `world_from_node` of every node at rest.
+    /// `world_from_node` of every node in the rest pose.
     pub fn world_from_nodes(&self) -> Vec<Matrix4<f64>> {
         let mut world: Vec<Option<Matrix4<f64>>> = vec![None; self.nodes.len()];
         for start in 0..self.nodes.len() {
+            // The nodes from `start` up to the first ancestor with a known transform, then down again.
             let mut way = vec![start];
             while let Some(parent) = self.nodes[way[way.len() - 1]].parent.filter(|&p| world[p as usize].is_none()) {
                 way.push(parent as usize);
@@ -243,9 +244,10 @@ impl Articulation {
         self.instances.iter().position(|instance| instance.node == node)
     }
 
-    /// Checks that all indices are in range and every face is in one instance.
+    /// Checks that all indices are in range, the nodes form a forest and each face belongs to one instance.
     pub(super) fn check(&self, vertices: usize, faces: &Faces) -> Result<(), MeshError> {
         let fault = |fault: String| Err(MeshError::Articulation { fault });
+        // Nodes: indices in range, no cycle.
         let (nodes, skins, instances) = (self.nodes.len(), self.skins.len(), self.instances.len());
         let mut named = self.roots.iter().chain(self.nodes.iter().filter_map(|n| n.parent.as_ref()));
         if let Some(node) = named.find(|&&n| n as usize >= nodes) {
@@ -254,6 +256,7 @@ impl Articulation {
         if let Some(node) = self.cycle() {
             return fault(format!("node {node} is its own ancestor"));
         }
+        // Skins: joints in range, one inverse bind matrix each.
         for (k, skin) in self.skins.iter().enumerate() {
             let known = skin.joints.iter().all(|&j| (j as usize) < nodes);
             if !known || skin.joints.len() != skin.inverse_binds.len() {
@@ -261,6 +264,7 @@ impl Articulation {
                 return fault(format!("skin {k} has {joints} joints among {nodes} nodes, and {matrices} matrices"));
             }
         }
+        // Instances: node and skin in range; one instance per vertex.
         let known = |i: &Instance| (i.node as usize) < nodes && i.skin.is_none_or(|s| (s as usize) < skins);
         if let Some(k) = self.instances.iter().position(|i| !known(i)) {
             return fault(format!("instance {k} names a node or a skin that does not exist"));
@@ -271,6 +275,7 @@ impl Articulation {
         {
             return fault(format!("each of {vertices} vertices must lie in one of {instances} instances"));
         }
+        // Skinning weights: joints within the skin of the vertex's instance.
         for vertex in 0..vertices {
             let skin = self.instances[self.instance_of_vertex[vertex] as usize].skin;
             let joints = skin.map_or(0, |s| self.skins[s as usize].joints.len());
@@ -278,6 +283,7 @@ impl Articulation {
                 return fault(format!("vertex {vertex} follows joint {joint}, but its skin has {joints}"));
             }
         }
+        // Faces: all corners in one instance.
         let of = |&v: &u32| self.instance_of_vertex[v as usize];
         if faces.iter().any(|face| face.iter().any(|v| of(v) != of(&face[0]))) {
             return fault("a face joins vertices of several instances".to_owned());
@@ -285,6 +291,7 @@ impl Articulation {
         self.check_movement(vertices)
     }
 
+    /// Checks the morph targets and the animation channels.
     fn check_movement(&self, vertices: usize) -> Result<(), MeshError> {
         let fault = |fault: String| Err(MeshError::Articulation { fault });
         for target in self.instances.iter().flat_map(|i| &i.targets) {
@@ -304,9 +311,9 @@ impl Articulation {
         Ok(())
     }
 
-    /// A node that is its own ancestor.
+    /// A node from which the chain of parents does not end, if there is a cycle.
     fn cycle(&self) -> Option<usize> {
-        // A path to the root has at most as many steps as nodes; `done` marks nodes whose path is known to end.
+        // A path to the root has at most as many steps as there are nodes; `done` marks nodes whose path is known to end.
         let mut done = vec![false; self.nodes.len()];
         for start in 0..self.nodes.len() {
             let mut way = Vec::new();
@@ -325,12 +332,13 @@ impl Articulation {
         None
     }
 
-    /// What is left where vertices of the model are chosen, and faces made of them; `None` where faces then join instances that
-    /// move in different ways.
+    /// The articulation restricted to the given vertices, with `faces` over the new indices; `None` where a face joins
+    /// instances that move differently.
     pub(super) fn of(&self, vertices: &[u32], faces: &Faces) -> Option<Self> {
         let mut kept = self.clone();
         kept.instance_of_vertex = vertices.iter().map(|&v| self.instance_of_vertex[v as usize]).collect();
         kept.influences = self.influences.of(vertices);
+        // Morph targets: keep the offsets of the remaining vertices, in ascending order of the new indices.
         let mut new_of_old = vec![NO_VALUE; self.instance_of_vertex.len()];
         vertices.iter().enumerate().for_each(|(new, &old)| new_of_old[old as usize] = new as u32);
         for target in kept.instances.iter_mut().flat_map(|i| &mut i.targets) {
@@ -348,7 +356,7 @@ impl Articulation {
         kept.joined_by(faces).then_some(kept)
     }
 
-    /// Makes one of instances that faces join; whether they move alike.
+    /// Merges instances that faces join; returns whether the merged ones move alike: the same skin and no morph targets.
     fn joined_by(&mut self, faces: &Faces) -> bool {
         let mut sets = UnionFind::new(self.instances.len());
         for face in faces.iter() {

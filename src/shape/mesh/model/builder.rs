@@ -1,4 +1,4 @@
-//! A model in the making: readers put in what they find, [`ModelBuilder::finish`] checks and triangulates.
+//! Builder of a [`Model`]: readers fill in the contents of a file, [`ModelBuilder::finish`] validates and triangulates.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -9,18 +9,18 @@ use super::articulation::Articulation;
 use super::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, NO_VALUE};
 use crate::mesh::{MeshError, TriMesh};
 
-/// A model in the making.
+/// Builder of a [`Model`].
 #[derive(Clone, Debug, Default)]
 pub struct ModelBuilder {
     /// Positions of the vertices.
     pub positions: Vec<Point3<f64>>,
     /// Polygons of at least three corners.
     pub faces: Faces,
-    /// Texture coordinates; without any where `values` is empty.
+    /// Texture coordinates; none if `values` is empty.
     pub texture: CornerData<2>,
-    /// Normals; without any where `values` is empty.
+    /// Normals; none if `values` is empty.
     pub normals: CornerData<3>,
-    /// Colors of the vertices; without any where empty.
+    /// Vertex colors; none if empty.
     pub colors: Vec<[f32; 4]>,
     /// Named parts.
     pub groups: Labels<Group>,
@@ -28,13 +28,15 @@ pub struct ModelBuilder {
     pub materials: Labels<Material>,
     /// Names of material libraries.
     pub material_files: Vec<String>,
-    /// What the materials refer to.
+    /// Textures, samplers and images of the materials.
     pub assets: Option<GltfAssets>,
-    /// How it moves.
+    /// Nodes, skins, morph targets and animations.
     pub articulation: Option<Articulation>,
-    /// What is left out.
+    /// Contents of the file that are ignored, in words.
     pub warnings: Vec<String>,
+    /// Index of each group in `groups`.
     group_numbers: HashMap<Group, u32>,
+    /// Index of each material name in `materials`.
     material_numbers: HashMap<String, u32>,
 }
 
@@ -57,18 +59,20 @@ impl ModelBuilder {
         })
     }
 
-    /// Adds a polygon with its labels; [`NO_VALUE`] is no label.
+    /// Adds a polygon with its group and material labels; [`NO_VALUE`] for none.
     pub fn face(&mut self, vertices: &[u32], group: u32, material: u32) {
         self.faces.push(vertices);
         self.groups.of_face.push(group);
         self.materials.of_face.push(material);
     }
 
-    /// The model.
+    /// Validates the contents, triangulates the polygons and drops unused labels.
     ///
     /// # Errors
-    /// Those of [`TriMesh::new`] and of [`Model::with_articulation`], [`MeshError::TooLarge`] where there are more corners than can be numbered.
+    /// Those of [`TriMesh::new`] and of [`Model::with_articulation`], [`MeshError::TooLarge`] for more corners than a 32-bit
+    /// index can address.
     pub fn finish(mut self) -> Result<Model, MeshError> {
+        // Validation: corner indices below the null index, vertex indices in range.
         let corners = self.faces.corner_count();
         if corners >= NO_VALUE as usize {
             let (value, limit) = (corners as u64, u64::from(NO_VALUE) - 1);
@@ -78,9 +82,11 @@ impl ModelBuilder {
         if let Some((triangle, vertex)) = first_beyond(&self.faces, vertices) {
             return Err(MeshError::NoSuchVertex { triangle, vertex, vertices });
         }
+        // Triangulation.
         let (triangle_corners, face_of_triangle) = self.faces.triangulate(&self.positions);
         let vertex = |corner: u32| self.faces.vertices()[corner as usize];
         let triangles = triangle_corners.iter().map(|t| t.map(vertex)).collect();
+        // One color per vertex: vertices after the last colored one are opaque white.
         self.colors.truncate(vertices);
         if !self.colors.is_empty() {
             self.colors.resize(vertices, [1.0; 4]);
@@ -106,12 +112,14 @@ impl ModelBuilder {
     }
 }
 
+/// The first face with a vertex index out of range, and that index.
 fn first_beyond(faces: &Faces, vertices: usize) -> Option<(usize, u32)> {
     let beyond = |face: &[u32]| face.iter().copied().find(|&v| v as usize >= vertices);
     faces.iter().enumerate().find_map(|(face, corners)| Some((face, beyond(corners)?)))
 }
 
-/// The data, or none where no corner has a value.
+/// The attribute padded to `corners` corners, with indices out of range replaced by [`NO_VALUE`]; `None` if no corner has a
+/// value.
 fn filled<const N: usize>(mut data: CornerData<N>, corners: usize) -> Option<CornerData<N>> {
     let count = data.values.len();
     data.of_corner.resize(corners, NO_VALUE);
@@ -119,7 +127,7 @@ fn filled<const N: usize>(mut data: CornerData<N>, corners: usize) -> Option<Cor
     data.of_corner.iter().any(|&value| value != NO_VALUE).then_some(data)
 }
 
-/// The labels without those that no face has, in the order of the file.
+/// The labels without unused ones, renumbered in the order of the file.
 fn used<T>(labels: Labels<T>) -> Labels<T> {
     let mut number = vec![NO_VALUE; labels.all.len()];
     for &label in labels.of_face.iter().filter(|&&label| label != NO_VALUE) {

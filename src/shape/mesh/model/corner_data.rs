@@ -1,12 +1,13 @@
-//! Values at the corners of faces: a vertex may have another value in each face around it (seams, hard edges).
+//! Per-corner (face-vertex) attributes: a vertex may have a different value in each incident face (texture seams, hard edges).
 
-/// What a corner without a value points to.
+/// Null index: the value index of a corner without a value, the label of a face without one. `u32::MAX`, because
+/// [`ModelBuilder::finish`](super::ModelBuilder::finish) rejects models with as many corners.
 pub const NO_VALUE: u32 = u32::MAX;
 
-/// `N` numbers at each corner, stored once where corners share them.
+/// An attribute of `N` numbers per corner, indexed: corners with a common value refer to one entry.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CornerData<const N: usize> {
-    /// The values.
+    /// The distinct values.
     pub values: Vec<[f64; N]>,
     /// Index of the value of each corner; [`NO_VALUE`] if it has none.
     pub of_corner: Vec<u32>,
@@ -19,7 +20,8 @@ impl<const N: usize> CornerData<N> {
         self.values.get(self.of_corner[corner] as usize).copied()
     }
 
-    /// One value per vertex, if no vertex has two; zero for vertices without. `vertex_of_corner` maps corners to vertices.
+    /// The attribute per vertex; `None` if the corners of a vertex differ or a corner has no value. Vertices without a corner
+    /// get zero. `vertex_of_corner` maps corners to vertices.
     pub fn per_vertex(&self, vertex_of_corner: &[u32], vertices: usize) -> Option<Vec<[f64; N]>> {
         let mut of_vertex = vec![None; vertices];
         for (corner, &vertex) in vertex_of_corner.iter().enumerate() {
@@ -32,7 +34,7 @@ impl<const N: usize> CornerData<N> {
         Some(of_vertex.into_iter().map(|value| value.unwrap_or([0.0; N])).collect())
     }
 
-    /// The values of these corners, in their order.
+    /// The attribute restricted to the given corners, in their order.
     pub(super) fn of(&self, corners: &[u32]) -> Self {
         let of_corner = corners.iter().map(|&corner| self.of_corner[corner as usize]).collect();
         Self { values: self.values.clone(), of_corner }

@@ -1,13 +1,16 @@
-//! Polygons over numbered vertices, and how each is cut into triangles.
+//! Polygonal faces and their triangulation.
 
 use std::ops::Range;
 
 use nalgebra::{Point2, Point3, Vector3};
 
-/// Most corners of a polygon that is cut ear by ear, which takes the square of their number; larger ones become fans.
+/// Maximum number of corners of a polygon triangulated by ear clipping, which takes quadratic time in their number: bounds the
+/// time for a hostile file with one huge polygon. Larger polygons become fans.
 const MAX_EARS: usize = 2048;
 
-/// Polygons, one after the other in one list of corners.
+/// Polygons in compressed form: one list of corners, with the first corner of each polygon.
+///
+/// Invariants: `starts` is ascending, begins with 0 and ends with the number of corners.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Faces {
     starts: Vec<u32>,
@@ -32,22 +35,22 @@ impl Faces {
         self.starts.len() - 1
     }
 
-    /// Without polygons.
+    /// Whether there are no polygons.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Number of corners of all polygons.
+    /// Total number of corners.
     pub fn corner_count(&self) -> usize {
         self.vertices.len()
     }
 
-    /// Vertices of all corners, polygon after polygon.
+    /// Vertex of each corner, polygon by polygon.
     pub fn vertices(&self) -> &[u32] {
         &self.vertices
     }
 
-    /// Numbers of a polygon's corners, which index [`Self::vertices`].
+    /// Corners of a polygon, as a range of indices into [`Self::vertices`].
     #[inline]
     pub fn corners(&self, face: usize) -> Range<usize> {
         self.starts[face] as usize..self.starts[face + 1] as usize
@@ -64,7 +67,8 @@ impl Faces {
         (0..self.len()).map(|face| self.get(face))
     }
 
-    /// Triangles of all polygons as numbers of corners, and the polygon of each. All corners must exist in `positions`.
+    /// Triangulation of all polygons: three corner indices per triangle, and the polygon of each triangle. All vertex indices
+    /// must be in range of `positions`.
     pub(super) fn triangulate(&self, positions: &[Point3<f64>]) -> (Vec<[u32; 3]>, Vec<u32>) {
         let (mut triangles, mut face_of) = (Vec::with_capacity(self.len()), Vec::with_capacity(self.len()));
         for face in 0..self.len() {
@@ -82,14 +86,16 @@ impl Faces {
     }
 }
 
-/// Twice the area of a polygon times its mean normal (Newell): zero for what has no side.
+/// Vector area of a polygon times two (Newell's method): the mean normal scaled by twice the area; zero for a degenerate
+/// polygon.
 pub(super) fn newell(outline: &[Point3<f64>]) -> Vector3<f64> {
     let Some(&first) = outline.first() else { return Vector3::zeros() };
     let next = outline.iter().skip(1).chain(outline.first());
     outline.iter().zip(next).map(|(p, q)| (p - first).cross(&(q - first))).sum()
 }
 
-/// Triangulates a polygon: a fan if it is convex, else ear clipping in the projection along its mean normal.
+/// Triangulates a polygon: a fan if it is convex or has more than [`MAX_EARS`] corners, else ear clipping in the projection
+/// along its mean normal.
 fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     let n = outline.len();
     let flat = flattened(outline);
@@ -98,6 +104,7 @@ fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     if convex || n > MAX_EARS {
         return (2..n).map(|k| [0, k - 1, k]).collect();
     }
+    // Ear clipping: remove a convex corner whose triangle contains no other remaining corner.
     let (mut left, mut triangles): (Vec<usize>, Vec<_>) = ((0..n).collect(), Vec::with_capacity(n - 2));
     let mut at = 0;
     let mut since_ear = 0;
@@ -106,7 +113,7 @@ fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
         let [a, b, c] = [left[at % m], left[(at + 1) % m], left[(at + 2) % m]];
         let inside = |p: usize| turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0;
         let is_ear = turn(a, b, c) > 0.0 && !left.iter().any(|&p| p != a && p != b && p != c && inside(p));
-        // A polygon that crosses itself may have no ear left: any corner will do then.
+        // A self-intersecting polygon may have no ear left: after a full pass without one, clip the current corner.
         if is_ear || since_ear > m {
             triangles.push([a, b, c]);
             left.remove((at + 1) % m);
@@ -121,7 +128,7 @@ fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     triangles
 }
 
-/// The outline seen along its mean normal, counterclockwise: the axis nearest to the normal is left out.
+/// Projection of the outline to a coordinate plane, counterclockwise: the dominant axis of the mean normal is dropped.
 fn flattened(outline: &[Point3<f64>]) -> Vec<Point2<f64>> {
     let normal = newell(outline);
     let axis = normal.iamax();

@@ -1,8 +1,8 @@
 //! Content of a mesh file: polygons and their attributes.
 //!
-//! Positions and triangles stand in a [`TriMesh`]; the polygons that the triangles were cut from, texture coordinates and normals
-//! per corner, colors per vertex, groups and materials per face stand beside it, so that a deformation of the triangles can be
-//! written back as the file it came from. Units and axes are the file's own.
+//! A [`TriMesh`] has the positions and the triangles. The [`Model`] adds the polygons that were triangulated, per-corner
+//! texture coordinates and normals, per-vertex colors, and per-face groups and materials, so that a deformed mesh can be
+//! written with the attributes of the original file. Units and axes are those of the file.
 
 pub mod articulation;
 mod builder;
@@ -22,7 +22,7 @@ pub use builder::ModelBuilder;
 pub use corner_data::{CornerData, NO_VALUE};
 pub use faces::Faces;
 
-/// Content of a mesh file.
+/// Content of a mesh file: triangle mesh, polygons and attributes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     mesh: TriMesh,
@@ -40,12 +40,12 @@ pub struct Model {
     warnings: Vec<String>,
 }
 
-/// Labels and which of them each face has.
+/// Per-face labels, indexed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Labels<T> {
     /// The labels, in the order of the file.
     pub all: Vec<T>,
-    /// Label of each face; [`NO_VALUE`] if it has none. Empty if no face has one.
+    /// Label index of each face; [`NO_VALUE`] for none. Empty if no face has a label.
     pub of_face: Vec<u32>,
 }
 
@@ -71,16 +71,16 @@ pub struct Group {
     pub name: String,
 }
 
-/// How a part of the surface looks.
+/// A surface material.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Material {
     /// Its name.
     pub name: String,
-    /// The whole material of a glTF file, which refers to [`GltfAssets`].
+    /// The material object of a glTF file, unparsed; refers to [`GltfAssets`].
     pub gltf: Option<Value>,
 }
 
-/// What the materials of a glTF file refer to, carried along unread.
+/// Textures, samplers and images of the materials of a glTF file, passed through unparsed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GltfAssets {
     /// `textures`.
@@ -89,14 +89,14 @@ pub struct GltfAssets {
     pub samplers: Vec<Value>,
     /// `images`, without their buffer views.
     pub images: Vec<Value>,
-    /// Bytes of the images that stood in a buffer.
+    /// Bytes of the images stored in a buffer.
     pub image_bytes: Vec<Option<Vec<u8>>>,
     /// `extensionsUsed` that concern materials and textures.
     pub extensions: Vec<String>,
 }
 
 impl Model {
-    /// A model of triangles alone.
+    /// A model of a triangle mesh without attributes.
     pub fn of_mesh(mesh: TriMesh) -> Self {
         let mut faces = Faces::default();
         for triangle in mesh.triangles() {
@@ -112,22 +112,22 @@ impl Model {
         &self.mesh
     }
 
-    /// The polygons as they stood in the file.
+    /// The polygons of the file, before triangulation.
     pub fn faces(&self) -> &Faces {
         &self.faces
     }
 
-    /// For each triangle the polygon it was cut from.
+    /// Index of the polygon of each triangle.
     pub fn face_of_triangle(&self) -> &[u32] {
         &self.face_of_triangle
     }
 
-    /// For each triangle the corners of [`Self::faces`] it was made of.
+    /// The three corners of [`Self::faces`] of each triangle.
     pub fn triangle_corners(&self) -> &[[u32; 3]] {
         &self.triangle_corners
     }
 
-    /// Texture coordinates; v grows upwards, as in OBJ.
+    /// Texture coordinates, with v increasing upwards as in OBJ.
     pub fn texture(&self) -> Option<&CornerData<2>> {
         self.texture.as_ref()
     }
@@ -137,7 +137,7 @@ impl Model {
         self.normals.as_ref()
     }
 
-    /// Colors of the vertices: red, green, blue, opacity, 0 to 1, as they stood in the file.
+    /// Vertex colors: red, green, blue, opacity, 0 to 1, in the color space of the file.
     pub fn colors(&self) -> Option<&[[f32; 4]]> {
         self.colors.as_deref()
     }
@@ -157,7 +157,7 @@ impl Model {
         &self.material_files
     }
 
-    /// What the materials of a glTF file refer to.
+    /// Textures, samplers and images of the materials of a glTF file.
     pub fn assets(&self) -> Option<&GltfAssets> {
         self.assets.as_deref()
     }
@@ -167,10 +167,10 @@ impl Model {
         self.articulation.as_deref()
     }
 
-    /// The model with how it moves replaced.
+    /// The model with its nodes, skins, morph targets and animations replaced.
     ///
     /// # Errors
-    /// [`MeshError::Articulation`] for an index out of range, or a face in two instances.
+    /// [`MeshError::Articulation`] for an index out of range, or a face that joins two instances.
     pub fn with_articulation(mut self, articulation: Option<Articulation>) -> Result<Self, MeshError> {
         if let Some(articulation) = &articulation {
             articulation.check(self.mesh.vertex_count(), &self.faces)?;
@@ -179,19 +179,19 @@ impl Model {
         Ok(self)
     }
 
-    /// What in the file was left out or taken otherwise than it stood.
+    /// Contents of the file that were ignored or modified on reading, in words.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The same model over other positions, one per vertex: of the bind pose where it is skinned. Normals are made anew; where faces shared one before they do again,
-    /// so that hard edges stay hard.
+    /// The model with new vertex positions, those of the bind pose where it is skinned. Normals are recomputed; faces with a
+    /// common normal at a vertex keep a common one, so that hard edges stay hard.
     ///
     /// # Errors
-    /// [`MeshError::NotFinite`].
+    /// [`MeshError::NotFinite`] for a NaN or infinite coordinate.
     ///
     /// # Panics
-    /// Where the number of positions differs.
+    /// If the number of positions differs from the number of vertices.
     pub fn with_positions(&self, positions: Vec<Point3<f64>>) -> Result<Self, MeshError> {
         let mesh = self.mesh.with_positions(positions)?;
         let normals =
@@ -202,7 +202,7 @@ impl Model {
     /// The model with its colors replaced, one per vertex.
     ///
     /// # Panics
-    /// Where the number of colors differs from the number of vertices.
+    /// If the number of colors differs from the number of vertices.
     #[must_use]
     pub fn with_colors(mut self, colors: Vec<[f32; 4]>) -> Self {
         assert_eq!(colors.len(), self.mesh.vertex_count(), "one color per vertex");
@@ -210,9 +210,10 @@ impl Model {
         self
     }
 
-    /// What is left of the model after `repaired` was made of its mesh: triangles, with what lay on their corners.
+    /// The model of a repaired mesh: its triangles with the attributes of their source corners. The polygons are not restored.
     #[must_use]
     pub fn repaired(&self, repaired: &Repaired) -> Self {
+        // Source corner and source face of each triangle of the result.
         let corners: Vec<u32> = repaired
             .source_corners
             .iter()
@@ -226,12 +227,14 @@ impl Model {
             faces.iter().filter_map(|&face| of_face.get(face as usize).copied()).collect()
         };
         let kept = |colors: &Vec<[f32; 4]>| repaired.source_of_vertex.iter().map(|&v| colors[v as usize]).collect();
+        // Normals: recomputed, because vertices may be welded or split, and on the side of the repaired orientation.
         let base = Self::of_mesh(repaired.mesh.clone());
         let normals = self.normals.as_ref().map(|normals| normals.of(&corners));
         let normals = normals.map(|old| {
             let p = repaired.mesh.positions();
             normals::facing_as_faces(normals::moved(&old, &base.faces, p, p), &base.faces, p)
         });
+        // Articulation: restricted to the remaining vertices; dropped where welding joined parts that move differently.
         let moving = self.articulation().map(|all| all.of(&repaired.source_of_vertex, &base.faces));
         let mut warnings = base.warnings;
         if moving == Some(None) {

@@ -1,7 +1,7 @@
-//! Normals of corners after the vertices have moved.
+//! Corner normals after a deformation.
 //!
-//! Corners of one vertex that shared a normal form a smooth patch around it; the new normal is the sum of the normals of the
-//! patch's faces, weighted by area, turned to the side on which the old one stood.
+//! The corners of a vertex with a common normal form a smooth patch (a smoothing group at the vertex). Its new normal is the
+//! area-weighted average of the face normals of the patch, with the sign that the old normal had relative to the old average.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 use super::corner_data::{CornerData, NO_VALUE};
 use super::faces::{Faces, newell};
 
-/// The normals over `new` positions that correspond to `old_normals` over `old` ones.
+/// Normals at the `new` positions that correspond to `old_normals` at the `old` positions.
 pub(super) fn moved(
     old_normals: &CornerData<3>,
     faces: &Faces,
@@ -28,7 +28,7 @@ pub(super) fn moved(
     CornerData { values: patches.source.iter().enumerate().map(value).collect(), of_corner: patches.of_corner }
 }
 
-/// The same normals, each on the side of its faces.
+/// The normals, each flipped where necessary to the side of the face normals of its patch.
 pub(super) fn facing_as_faces(mut normals: CornerData<3>, faces: &Faces, positions: &[Point3<f64>]) -> CornerData<3> {
     let patches = Patches::of(&normals, faces);
     let sums = patches.sums(faces, positions);
@@ -41,10 +41,11 @@ pub(super) fn facing_as_faces(mut normals: CornerData<3>, faces: &Faces, positio
     normals
 }
 
-/// Corners of one vertex with one normal.
+/// Smooth patches: sets of corners with the same vertex and the same normal.
 struct Patches {
-    /// For each patch the value it had.
+    /// Index of the old normal of each patch.
     source: Vec<u32>,
+    /// Patch of each corner; [`NO_VALUE`] for a corner without a normal.
     of_corner: Vec<u32>,
 }
 
@@ -65,6 +66,7 @@ impl Patches {
         Self { source, of_corner }
     }
 
+    /// Sum of the area-weighted face normals of each patch.
     fn sums(&self, faces: &Faces, positions: &[Point3<f64>]) -> Vec<Vector3<f64>> {
         let mut sums = vec![Vector3::zeros(); self.source.len()];
         let mut outline = Vec::new();

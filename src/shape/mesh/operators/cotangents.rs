@@ -1,4 +1,4 @@
-//! Half cotangents of the corners of triangles: what every operator and every elastic energy here is weighted by.
+//! Half cotangents of the corner angles of triangles: the weights of all operators and elastic energies of this crate.
 
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 use super::intrinsic_delaunay;
 use crate::mesh::TriMesh;
 
-/// A triangle whose doubled area is below this fraction of its longest edge squared is degenerate: its cotangents reach
-/// 10¹⁰, and the factorization would lose all digits of its neighbors' weights. Larger would touch the needles of real
-/// scans (1:10⁵), smaller meets the limit of positive definiteness in `f64` (10⁻¹³).
+/// Ratio of the doubled area to the squared longest edge below which a triangle is degenerate: its cotangents reach 10¹⁰, and
+/// the factorization would lose all digits of the neighboring weights. A larger threshold would include the needles of real
+/// scans (1:10⁵); a smaller one meets the limit of positive definiteness in `f64` (10⁻¹³).
 const DEGENERATE: f64 = 1e-10;
 
-/// Half the cotangent of 60°.
+/// Half the cotangent of 60°, `1 / (2√3)`: the weights of degenerate triangles.
 const EQUILATERAL: f64 = 0.288_675_134_594_812_9;
 
-/// How the weights of edges are taken from the angles of triangles.
+/// Rule for the cotangent weights of edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -26,17 +26,17 @@ pub enum CotangentRule {
     Raw,
     /// None below 0.
     ///
-    /// No half cotangent is below 0, so that every weight is ≥ 0, at the price of linear precision.
+    /// Negative half cotangents are set to 0, so that every weight is ≥ 0, at the price of linear precision.
     Clamped,
     /// Those of the intrinsic Delaunay triangulation of the same surface.
     ///
     /// After Bobenko & Springborn 2007: every weight inside the surface is ≥ 0 and the Laplacian is still that of the surface.
-    /// Edges of the weights need not be edges of the mesh. Vertices on non-manifold edges keep the triangles they have.
+    /// The edges of the weights need not be edges of the mesh. Non-manifold edges are not flipped.
     #[serde(rename = "delaunay")]
     IntrinsicDelaunay,
 }
 
-/// Triangles with half the cotangent of each of their angles.
+/// Triangles with the half cotangents of their angles.
 #[derive(Clone, Debug)]
 pub struct Cotangents {
     triangles: Vec<[u32; 3]>,
@@ -45,8 +45,8 @@ pub struct Cotangents {
 }
 
 impl Cotangents {
-    /// Those of a mesh at rest. A degenerate triangle is weighted as an equilateral one, so that it holds together and
-    /// nothing divides by its area; the sliver's exact weights would be infinite, of both signs.
+    /// Half cotangents of a mesh at rest. A degenerate triangle gets the weights of an equilateral one, so that its vertices
+    /// stay connected and nothing divides by its area; the exact weights of the sliver would be infinite, of both signs.
     pub fn new(mesh: &TriMesh, rule: CotangentRule) -> Self {
         let edges: Vec<[f64; 3]> = (0..mesh.triangle_count()).map(|t| squared_edges(&mesh.corners(t))).collect();
         let (triangles, edges) = match rule {
@@ -54,7 +54,7 @@ impl Cotangents {
             CotangentRule::Raw | CotangentRule::Clamped => (mesh.triangles().to_vec(), edges),
         };
         let areas: Vec<f64> = match rule {
-            // Intrinsic triangles have lengths only.
+            // Intrinsic triangles have edge lengths only, no positions.
             CotangentRule::IntrinsicDelaunay => edges.iter().map(doubled_area).collect(),
             CotangentRule::Raw | CotangentRule::Clamped => {
                 (0..mesh.triangle_count()).map(|t| mesh.area_normal(t).norm()).collect()
@@ -74,20 +74,20 @@ impl Cotangents {
         Self { triangles, half, degenerate }
     }
 
-    /// The same with no half cotangent beyond ± `largest`: for systems in which weights meet squared.
+    /// Clamps the half cotangents to ± `largest`: for systems with squared weights.
     #[must_use]
     pub fn limited(mut self, largest: f64) -> Self {
         self.half.iter_mut().flatten().for_each(|h| *h = h.clamp(-largest, largest));
         self
     }
 
-    /// Corners of the triangles: the mesh's own unless the rule flipped edges.
+    /// Vertex indices of the triangles: those of the mesh unless the rule flipped edges.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Per triangle and corner `k`, half the cotangent of the angle there: the weight that the triangle gives the edge
-    /// opposite, between corners `k + 1` and `k + 2`. Dimensionless.
+    /// Half cotangent of the angle at corner `k` of each triangle: its contribution to the weight of the opposite edge, between
+    /// corners `k + 1` and `k + 2`. Dimensionless.
     pub fn half(&self) -> &[[f64; 3]] {
         &self.half
     }
@@ -97,7 +97,7 @@ impl Cotangents {
         self.degenerate
     }
 
-    /// Triangles, each as its three edges `(i, j, half cotangent)`.
+    /// The three edges `(i, j, half cotangent)` of each triangle.
     pub fn edges(&self) -> impl Iterator<Item = [(u32, u32, f64); 3]> + '_ {
         self.triangles.iter().zip(&self.half).map(|(v, h)| [(v[1], v[2], h[0]), (v[2], v[0], h[1]), (v[0], v[1], h[2])])
     }
@@ -109,8 +109,8 @@ fn squared_edges([a, b, c]: &[Point3<f64>; 3]) -> [f64; 3] {
     [squared(b, c), squared(c, a), squared(a, b)]
 }
 
-/// Twice the area of a triangle of these squared edges (Heron's formula in Kahan's stable order); 0 where they close no
-/// triangle.
+/// Twice the area of a triangle with the given squared edge lengths (Heron's formula in Kahan's stable order); 0 where they
+/// violate the triangle inequality.
 fn doubled_area(squared: &[f64; 3]) -> f64 {
     let mut e = squared.map(f64::sqrt);
     e.sort_unstable_by(|a, b| b.total_cmp(a));
@@ -125,7 +125,7 @@ fn half_cotangents(&[a, b, c]: &[f64; 3], doubled_area: f64) -> [f64; 3] {
     [(b + c - a) * quarter, (c + a - b) * quarter, (a + b - c) * quarter]
 }
 
-/// Unit normal of a triangle, zero where it is degenerate in the sense of the weights.
+/// Unit normal of a triangle; zero where it is degenerate by [`DEGENERATE`].
 pub(super) fn unit_normal(corners: &[Point3<f64>; 3], area_normal: &Vector3<f64>) -> Vector3<f64> {
     let longest = squared_edges(corners).into_iter().fold(0.0, f64::max);
     let length = area_normal.norm();

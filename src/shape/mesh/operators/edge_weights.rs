@@ -1,4 +1,4 @@
-//! Weights of edges, and the Laplacian they make.
+//! Edge weights and the Laplace matrix assembled from them.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use super::Cotangents;
 use crate::mesh::TriMesh;
 use plumbline_num::sparse::{Pattern, SparseError, SparseMatrix};
 
-/// Symmetric weights `w_ij` of edges `i < j`, each edge once, ascending.
+/// Symmetric edge weights `w_ij`, each edge `i < j` once, in lexicographic order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeWeights {
     vertices: usize,
@@ -15,13 +15,13 @@ pub struct EdgeWeights {
 }
 
 impl EdgeWeights {
-    /// `w_ij = ½ Σ cot` of the angles opposite `ij`, over the triangles that share the edge: two inside a manifold
-    /// surface, one at its border. Dimensionless.
+    /// Cotangent weights `w_ij = ½ Σ cot` of the angles opposite `ij`, over the triangles incident to the edge: two in the
+    /// interior of a manifold surface, one at its boundary. Dimensionless.
     pub fn cotangent(vertices: usize, cotangents: &Cotangents) -> Self {
         Self::summed(vertices, cotangents.edges().flatten())
     }
 
-    /// `w_ij = 1` for every edge.
+    /// Uniform weights (graph Laplacian): `w_ij = 1` for every edge.
     pub fn uniform(mesh: &TriMesh) -> Self {
         let edges = mesh.triangles().iter().flat_map(|&[a, b, c]| [(a, b, 1.0), (b, c, 1.0), (c, a, 1.0)]);
         let mut weights = Self::summed(mesh.vertex_count(), edges);
@@ -29,9 +29,10 @@ impl EdgeWeights {
         weights
     }
 
-    /// The sum of the given parts of edges; an edge from a vertex to itself is none.
+    /// Sums the given contributions per edge; contributions of a vertex with itself are ignored.
     fn summed(vertices: usize, parts: impl Iterator<Item = (u32, u32, f64)>) -> Self {
-        // By counting: the edges of one vertex are few, so that sorting all at once would cost five times as much.
+        // Counting sort by the lower vertex, then a sort within each row: rows are short, and one sort of all contributions
+        // would cost five times as much.
         let parts: Vec<(u32, u32, f64)> =
             parts.filter(|(i, j, _)| i != j).map(|(i, j, w)| (i.min(j), i.max(j), w)).collect();
         let mut start = vec![0_u32; vertices + 1];
@@ -50,7 +51,7 @@ impl EdgeWeights {
         let (mut edges, mut weights) = (Vec::with_capacity(parts.len() / 2), Vec::with_capacity(parts.len() / 2));
         for i in 0..vertices {
             let row = &mut sorted[start[i] as usize..start[i + 1] as usize];
-            // Stable: the same weights are added in the same order whatever the sort.
+            // Stable sort: the order of summation, and so the rounding, is deterministic.
             row.sort_by_key(|&(j, _)| j);
             for of_edge in row.chunk_by(|a, b| a.0 == b.0) {
                 edges.push([i as u32, of_edge[0].0]);
@@ -60,11 +61,11 @@ impl EdgeWeights {
         Self { vertices, edges, weights }
     }
 
-    /// `L W L` with `W = diag(weights)`: the bilaplacian for inverse masses. Its rows sum to zero too, so that it is given
-    /// by weights again, of edges between vertices up to two edges apart and of both signs.
+    /// `L W L` with `W = diag(weights)`: the bilaplacian if the weights are inverse masses. Its rows sum to zero too, so that
+    /// it is again a matrix of edge weights, of both signs, between vertices up to two edges apart.
     ///
     /// # Panics
-    /// Unless there is one weight per vertex.
+    /// If the number of weights differs from the number of vertices.
     #[must_use]
     pub fn squared(&self, weights: &[f64]) -> Self {
         assert_eq!(weights.len(), self.vertices, "one weight per vertex");
@@ -86,7 +87,7 @@ impl EdgeWeights {
         Self::summed(self.vertices, products)
     }
 
-    /// Number of vertices, those without an edge among them.
+    /// Number of vertices, including isolated ones.
     pub fn vertex_count(&self) -> usize {
         self.vertices
     }
@@ -106,20 +107,20 @@ impl EdgeWeights {
         self.edges.iter().zip(&self.weights).map(|(&[i, j], &w)| (i as usize, j as usize, w))
     }
 
-    /// Number of negative weights: where energies that weigh cells one by one may fall below zero.
+    /// Number of negative weights: energies that sum over cells, such as ARAP, may then be negative.
     pub fn negative(&self) -> usize {
         self.weights.iter().filter(|&&w| w < 0.0).count()
     }
 
-    /// `(L u)ᵢ = Σⱼ w_ij (uᵢ − uⱼ)`, integrated: symmetric, rows sum to zero, positive semidefinite for cotangents of
-    /// triangles of any shape and for weights ≥ 0.
+    /// Laplace matrix `(L u)ᵢ = Σⱼ w_ij (uᵢ − uⱼ)`, integrated: symmetric, with rows that sum to zero; positive semidefinite
+    /// for cotangent weights of triangles of any shape and for weights ≥ 0.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`].
     pub fn laplacian(&self) -> Result<SparseMatrix, SparseError> {
         let pattern = Pattern::new(self.vertices, self.edges.iter().map(|&[i, j]| (i as usize, j as usize)))?;
         let starts = pattern.column_starts().to_vec();
-        // Below the diagonal the slots run in the order of the edges.
+        // The slots below the diagonal are in the order of the edges.
         let mut matrix = SparseMatrix::zeros(Arc::new(pattern));
         let values = matrix.values_mut();
         let mut next: Vec<u32> = starts[..self.vertices].iter().map(|s| s + 1).collect();

@@ -1,11 +1,11 @@
-//! Gradient and divergence.
+//! Gradient and divergence of piecewise linear functions.
 
 use nalgebra::Vector3;
 
 use super::cotangents::unit_normal;
 use crate::mesh::TriMesh;
 
-/// Gradients of the hat functions of every triangle's corners, and the triangle's area.
+/// Gradients of the hat functions (linear shape functions) of each triangle, and the triangle areas.
 #[derive(Clone, Debug)]
 pub struct Gradient {
     triangles: Vec<[u32; 3]>,
@@ -15,7 +15,7 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// `∇φₖ = n × eₖ / 2A`, `eₖ` the edge opposite corner `k`, counterclockwise; zero in degenerate triangles.
+    /// `∇φₖ = n × eₖ / 2A`, with `eₖ` the edge opposite corner `k`, counterclockwise; zero in degenerate triangles.
     pub fn new(mesh: &TriMesh) -> Self {
         let of_triangle = |t: usize| {
             let corners = mesh.corners(t);
@@ -31,7 +31,7 @@ impl Gradient {
         Self { triangles: mesh.triangles().to_vec(), hats, areas, vertices: mesh.vertex_count() }
     }
 
-    /// Gradients of the three hat functions of a triangle; 1/length, in its plane, summing to zero.
+    /// Gradients of the three hat functions of a triangle, in its plane, summing to zero; 1/length.
     pub fn hats(&self, triangle: usize) -> &[Vector3<f64>; 3] {
         &self.hats[triangle]
     }
@@ -41,17 +41,17 @@ impl Gradient {
         &self.areas
     }
 
-    /// `∇u` in each triangle of a function given at the vertices.
+    /// Gradient `∇u` in each triangle of a function `u` given at the vertices.
     pub fn apply(&self, u: &[f64]) -> Vec<Vector3<f64>> {
         let of_triangle = |(v, hats): (&[u32; 3], &[Vector3<f64>; 3])| {
-            // Differences first: a constant has gradient zero exactly.
+            // Differences of values: the gradient of a constant is exactly zero.
             let [a, b, c] = v.map(|v| u[v as usize]);
             hats[1] * (b - a) + hats[2] * (c - a)
         };
         self.triangles.iter().zip(&self.hats).map(of_triangle).collect()
     }
 
-    /// `(div X)ᵢ = −Σ_{t∋i} A_t ∇φᵢ · X_t`: integrated over the cell of the vertex, so that `−div ∇ = L`.
+    /// `(div X)ᵢ = −Σ_{t∋i} A_t ∇φᵢ · X_t`: integrated over the dual cell of the vertex, so that `−div ∇ = L`.
     pub fn divergence(&self, field: &[Vector3<f64>]) -> Vec<f64> {
         let mut divergence = vec![0.0; self.vertices];
         for (t, v) in self.triangles.iter().enumerate() {

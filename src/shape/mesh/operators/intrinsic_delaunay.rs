@@ -1,25 +1,26 @@
-//! Intrinsic Delaunay triangulation: edges of a surface flipped *in the surface*, not in space.
+//! Intrinsic Delaunay triangulation by edge flips *in the surface*, not in space.
 //!
-//! Two triangles that share an edge unfold into a plane quadrilateral; where the angles opposite the edge sum to more than
-//! π, the other diagonal replaces it. Only lengths change hands, the surface stays as it is. Every flip lowers the largest
-//! value of the harmonic index, hence the process ends; at its end every cotangent weight inside the surface is ≥ 0. An obtuse
-//! angle opposite a border edge has no other side to flip with and keeps its negative weight.
+//! Two triangles with a common edge unfold into a planar quadrilateral; where the angles opposite the edge sum to more than π,
+//! the other diagonal replaces it. Only edge lengths and connectivity change; the metric of the surface does not. Every flip
+//! lowers the harmonic index, hence the algorithm terminates; at its end every cotangent weight in the interior is ≥ 0. A
+//! boundary edge cannot be flipped and keeps a negative weight if the angle opposite it is obtuse.
 //!
 //! # Reference
 //! A. I. Bobenko, B. A. Springborn, *A discrete Laplace–Beltrami operator for simplicial surfaces*, Discrete &
 //! Computational Geometry 38 (2007); M. Fisher, B. Springborn, P. Schröder, A. I. Bobenko, *An algorithm for the
 //! construction of intrinsic Delaunay triangulations*, Computing 81 (2007).
 
-/// An edge is flipped where its weight is below minus this: rounding of cospherical corners must not flip back and forth.
+/// Tolerance of the Delaunay test: an edge is flipped if its weight is below minus this value, so that rounding does not flip
+/// the diagonals of cocircular corners back and forth.
 const NEGATIVE: f64 = 1e-11;
 
-/// Largest number of flips per edge of the mesh; a tenth is typical. A guard against endless flips by rounding.
+/// Maximum number of flips per half-edge of the mesh; a tenth is typical. A guard against endless flips by rounding.
 const FLIPS_PER_EDGE: usize = 50;
 
-/// No triangle on the other side, or none that may be flipped.
+/// Null index: a boundary edge, or one that must not be flipped. `u32::MAX` is no valid half-edge.
 const BORDER: u32 = u32::MAX;
 
-/// Triangles and squared edges (opposite each corner) after all flips.
+/// Triangles and squared edge lengths (opposite each corner) of the intrinsic Delaunay triangulation.
 pub(super) fn flipped(triangles: &[[u32; 3]], squared_edges: Vec<[f64; 3]>) -> (Vec<[u32; 3]>, Vec<[f64; 3]>) {
     let mut surface = Surface { corners: triangles.to_vec(), squared: squared_edges, across: glue(triangles) };
     let mut stack: Vec<(u32, u8)> = (0..triangles.len() as u32).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
@@ -32,14 +33,15 @@ pub(super) fn flipped(triangles: &[[u32; 3]], squared_edges: Vec<[f64; 3]>) -> (
     (surface.corners, surface.squared)
 }
 
+/// Intrinsic triangulation: vertices, squared edge lengths and adjacency of the triangles.
 struct Surface {
     corners: Vec<[u32; 3]>,
     squared: Vec<[f64; 3]>,
-    /// Triangle and corner opposite the same edge, `3 t + k`, or [`BORDER`].
+    /// Corner `3 t + k` opposite the same edge in the adjacent triangle, or [`BORDER`]. Symmetric: `across[across[s]] = s`.
     across: Vec<[u32; 3]>,
 }
 
-/// Joins the two sides of every edge of exactly two triangles that run along it in opposite directions.
+/// Adjacency over the edges with exactly two incident triangles that traverse the edge in opposite directions.
 fn glue(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut sides: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
     for (t, v) in triangles.iter().enumerate() {
@@ -68,14 +70,15 @@ fn glue(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 }
 
 impl Surface {
-    /// `½ cot` of the angle at a corner, by Heron's area; not finite where the triangle is degenerate.
+    /// `½ cot` of the angle at a corner, with the area by Heron's formula; not finite where the triangle is degenerate.
     fn half_cotangent(&self, t: usize, k: usize) -> f64 {
         let [a, b, c] = [self.squared[t][k], self.squared[t][(k + 1) % 3], self.squared[t][(k + 2) % 3]];
         let sixteen_area_squared = 4.0 * b * c - (b + c - a).powi(2);
         0.5 * (b + c - a) / sixteen_area_squared.max(0.0).sqrt()
     }
 
-    /// Replaces the edge opposite corner `k` of triangle `t` by the other diagonal, where its weight is negative.
+    /// Flips the edge opposite corner `k` of triangle `t` if its weight is negative, and pushes the four outer edges to the
+    /// stack. Returns whether it was flipped.
     fn flip(&mut self, t: usize, k: usize, stack: &mut Vec<(u32, u8)>) -> bool {
         let other = self.across[t][k];
         if other == BORDER {
@@ -88,9 +91,11 @@ impl Surface {
         let (k1, k2, l1, l2) = ((k + 1) % 3, (k + 2) % 3, (l + 1) % 3, (l + 2) % 3);
         // t = (a, b, c) and u = (d, c, b) become (a, b, d) and (a, d, c).
         let ([a, b, c], d) = ([self.corners[t][k], self.corners[t][k1], self.corners[t][k2]], self.corners[u][l]);
+        // Squared lengths of the four outer edges, and of the new diagonal.
         let (ab, ac) = (self.squared[t][k2], self.squared[t][k1]);
         let (bd, cd) = (self.squared[u][l1], self.squared[u][l2]);
         let ad = other_diagonal(self.squared[t][k], [ab, ac], [bd, cd]);
+        // Adjacency of the outer edges, read before the tables are overwritten.
         let (past_ab, past_ac) = (self.across[t][k2], self.across[t][k1]);
         let (past_bd, past_cd) = (self.across[u][l1], self.across[u][l2]);
         (self.corners[t], self.squared[t]) = ([a, b, d], [bd, ad, ab]);
@@ -105,6 +110,7 @@ impl Surface {
         true
     }
 
+    /// Makes two sides adjacent, in both directions.
     fn join(&mut self, side: u32, other: u32) {
         self.across[side as usize / 3][side as usize % 3] = other;
         if other != BORDER {
@@ -113,7 +119,8 @@ impl Surface {
     }
 }
 
-/// Squared distance of the corners `a` and `d` on both sides of an edge `bc`, unfolded into the plane; all arguments squared.
+/// Squared length of the other diagonal `ad` of two triangles unfolded about their common edge `bc`; all arguments are squared
+/// lengths.
 fn other_diagonal(bc: f64, [ab, ac]: [f64; 2], [bd, cd]: [f64; 2]) -> f64 {
     let foot = |to_b: f64, to_c: f64| 0.5 * (bc + to_b - to_c) / bc.sqrt();
     let (xa, xd) = (foot(ab, ac), foot(bd, cd));

@@ -1,5 +1,5 @@
-//! Discrete differential operators of a surface of triangles, each a sum over triangles, so that open, non-manifold and
-//! badly oriented surfaces need no case of their own.
+//! Discrete differential operators of a triangle mesh. Each is a sum over triangles, so that open, non-manifold and
+//! inconsistently oriented meshes need no special case.
 //!
 //! ```text
 //! gradient     (∇u)_t = Σₖ uₖ ∇φₖ                         per triangle, 1/length
@@ -8,8 +8,9 @@
 //! mass         M = diag(areas of the vertices' cells)      the pointwise Laplacian is M⁻¹ L
 //! ```
 //!
-//! `w_ij` is half the sum of the cotangents of the angles opposite the edge `ij` in its triangles. A triangle's part of
-//! `uᵀ L u` is `∫ |∇u|²` over it, hence never negative, even where an obtuse angle makes a *single* weight negative.
+//! `w_ij` is half the sum of the cotangents of the angles opposite the edge `ij` in its triangles. The contribution of a
+//! triangle to `uᵀ L u` is `∫ |∇u|²` over it, hence never negative, even where an obtuse angle makes a *single* weight
+//! negative.
 //!
 //! # Reference
 //! U. Pinkall, K. Polthier, *Computing discrete minimal surfaces and their conjugates*, Experimental Mathematics 2 (1993);

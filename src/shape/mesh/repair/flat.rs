@@ -1,20 +1,23 @@
-//! Triangles without area, taken out without leaving a crack.
+//! Removal of degenerate triangles (zero area) without leaving cracks.
 //!
-//! A *needle* has a side that is a `flat`-th of its longest: that side collapses. A *cap* has its tip on its longest side: that side
-//! is flipped, so that the triangle across it is cut in two at the tip. What can neither collapse nor flip is dropped.
+//! A *needle* has an edge of at most `flat` times its longest edge: that edge collapses. A *cap* has its third vertex on its
+//! longest edge: that edge is flipped, which splits the adjacent triangle at the vertex. Triangles that can neither collapse
+//! nor flip are dropped.
 
 use std::collections::HashMap;
 
 use super::{RepairReport, Soup};
 use plumbline_num::run::{Run, Stopped};
 
-/// Rounds of collapses and flips: each collapse or flip may flatten a neighbor, of which long chains are not seen.
+/// Maximum iterations of collapses and flips. Each collapse or flip may make a neighbor degenerate; long chains of such
+/// neighbors do not occur in practice. The bound guarantees termination, and the remaining degenerate triangles are dropped.
 const ROUNDS: usize = 8;
 
-/// Several triangles at an edge, or too many.
+/// Marks an edge with more than two incident triangles in [`Edges`]. `CROWDED - 1` marks an empty slot; neither is a valid
+/// triangle index.
 const CROWDED: u32 = u32::MAX;
 
-/// Removes all triangles whose height is at most the fraction `flat` of their longest side.
+/// Removes all triangles whose height is at most the fraction `flat` of their longest edge.
 pub(super) fn remove(soup: &mut Soup<'_>, flat: f64, report: &mut RepairReport, run: &Run) -> Result<(), Stopped> {
     for _ in 0..ROUNDS {
         let Some(found) = Some(flat_ones(soup, flat)).filter(|found| !found.is_empty()) else { return Ok(()) };
@@ -34,12 +37,13 @@ pub(super) fn remove(soup: &mut Soup<'_>, flat: f64, report: &mut RepairReport, 
     Ok(())
 }
 
-/// Lengths of the sides opposite to each corner, and twice the area.
+/// Lengths of the edges opposite each corner, and twice the area.
 fn sides(soup: &Soup<'_>, vertices: [u32; 3]) -> ([f64; 3], f64) {
     let [a, b, c] = vertices.map(|v| soup.position(v));
     ([(c - b).norm(), (a - c).norm(), (b - a).norm()], (b - a).cross(&(c - a)).norm())
 }
 
+/// Whether a triangle is degenerate; true also for NaN.
 fn is_flat(soup: &Soup<'_>, vertices: [u32; 3], flat: f64) -> bool {
     let (lengths, twice_area) = sides(soup, vertices);
     let longest = lengths.into_iter().fold(0.0, f64::max);
@@ -50,6 +54,7 @@ fn flat_ones(soup: &Soup<'_>, flat: f64) -> Vec<usize> {
     (0..soup.corners.len()).filter(|&t| is_flat(soup, soup.vertices(t), flat)).collect()
 }
 
+/// Collapses the shortest edge of each needle among the `found` triangles.
 fn collapse_needles(
     soup: &mut Soup<'_>,
     flat: f64,
@@ -76,7 +81,8 @@ fn edge(p: u32, q: u32) -> (u32, u32) {
     (p.min(q), p.max(q))
 }
 
-/// Which two triangles each edge has.
+/// The one or two triangles incident to each edge. Invariant: the first slot is filled before the second; an edge that once had
+/// three or more triangles stays marked [`CROWDED`].
 struct Edges(HashMap<(u32, u32), [u32; 2]>);
 
 impl Edges {
@@ -102,7 +108,7 @@ impl Edges {
 
     fn remove(&mut self, t: u32, [a, b, c]: [u32; 3]) {
         for (p, q) in [(a, b), (b, c), (c, a)] {
-            // A crowded edge stays so: it is not to be flipped.
+            // A non-manifold edge stays marked: it must not be flipped.
             if let Some(pair) = self.0.get_mut(&edge(p, q)).filter(|pair| pair[1] != CROWDED) {
                 *pair = if pair[0] == t { [pair[1], CROWDED - 1] } else { [pair[0], CROWDED - 1] };
             }
@@ -112,7 +118,7 @@ impl Edges {
         }
     }
 
-    /// The other triangle at the edge between two vertices, where there is exactly one.
+    /// The other triangle incident to the edge `pq` of triangle `t`, if there is exactly one.
     fn across(&self, t: u32, p: u32, q: u32) -> Option<u32> {
         match *self.0.get(&edge(p, q))? {
             [_, CROWDED] => None,
@@ -123,6 +129,7 @@ impl Edges {
     }
 }
 
+/// Flips the longest edge of each cap among the `found` triangles, where the flip creates no existing edge.
 fn flip_caps(soup: &mut Soup<'_>, found: &[usize], report: &mut RepairReport, run: &Run) -> Result<(), Stopped> {
     if found.is_empty() {
         return Ok(());
@@ -141,7 +148,7 @@ fn flip_caps(soup: &mut Soup<'_>, found: &[usize], report: &mut RepairReport, ru
         if d == b || edges.0.contains_key(&edge(b, d)) {
             continue;
         }
-        // The other triangle is (d, first, second), its side first–second is cut at b.
+        // The other triangle is (d, first, second); its edge first–second is split at b.
         edges.remove(t as u32, vertices);
         edges.remove(other as u32, around);
         let (of_b, of_other) = (soup.corners[t][tip], soup.corners[other]);

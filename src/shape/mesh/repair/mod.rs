@@ -1,12 +1,19 @@
 //! Repairs triangle soups to oriented manifolds and reports the changes.
 //!
-//! In this order: equal vertices are joined; triangles that name a vertex twice go, and of equal triangles all but the first;
-//! triangles without area are taken out so that no crack stays (short edges collapse, long ones flip); at each edge two triangles
-//! are made neighbors; neighbors are oriented alike, closed parts outward; vertices are split until each has one fan. Where a surface
-//! cannot be oriented it is cut open.
+//! Steps, in this order:
 //!
-//! What lies in the same place of two meshes that differ by a similarity is treated the same way, and numbers of vertices tell
-//! which vertex of the input each one was, so that a deformation of the result can be carried back to the input.
+//! 1. Weld coincident vertices.
+//! 2. Remove triangles with a repeated vertex, and duplicates except the first.
+//! 3. Remove triangles of zero area without leaving a crack: short edges collapse, long edges flip.
+//! 4. Pair two triangles at each edge.
+//! 5. Orient adjacent triangles consistently and closed components outwards; non-orientable surfaces are cut open.
+//! 6. Split vertices until each has one fan.
+//!
+//! The result is invariant under similarity transforms of the input. Index maps relate the vertices of the result to those of
+//! the input, so that a deformation of the result can be transferred back to the input.
+//!
+//! # Reference
+//! M. Botsch, L. Kobbelt, M. Pauly, P. Alliez, B. Lévy, *Polygon Mesh Processing*, 2010, chapter 8.
 
 mod flat;
 mod report;
@@ -23,25 +30,25 @@ use plumbline_num::spatial::UnionFind;
 pub use report::{BoundaryLoop, Component, RepairReport};
 pub use survey::MeshFacts;
 
-/// Which vertices become one.
+/// Which vertices are welded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Weld {
     /// None.
     Never,
-    /// Those with equal coordinates: what soups, STL files and texture seams need. It never joins what was apart.
+    /// Vertices with equal coordinates, as triangle soups, STL files and texture seams require. Never joins distinct positions.
     #[default]
     Exact,
-    /// Those within this fraction of the diagonal of the box of all named vertices, and chains of such.
+    /// Vertices within this fraction of the bounding box diagonal of all referenced vertices, and chains of such vertices.
     Within(f64),
 }
 
-/// What repair takes for a fault.
+/// Thresholds of mesh repair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RepairOptions {
-    /// Which vertices become one.
+    /// Which vertices are welded.
     pub weld: Weld,
-    /// Height of a triangle, relative to its longest side, up to which it counts as degenerate. Cotangents reach its inverse:
-    /// larger values take out more needles, below 10⁻⁸ nothing but noise of 32-bit coordinates is left to keep.
+    /// Maximum ratio of the height of a degenerate triangle to its longest edge; default 10⁻⁸. Cotangents reach the inverse of
+    /// it: larger values remove more needles, below 10⁻⁸ only noise of 32-bit coordinates remains.
     pub flat: f64,
 }
 
@@ -51,28 +58,28 @@ impl Default for RepairOptions {
     }
 }
 
-/// A repaired mesh and how it came about.
+/// A repaired mesh, the report, and the index maps to the input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Repaired {
-    /// Oriented, manifold, without degenerate or equal triangles; every vertex is named by one.
+    /// Oriented and manifold, without degenerate or duplicate triangles and without isolated vertices.
     pub mesh: TriMesh,
-    /// What was done, and what the result is.
+    /// The changes, and properties of the result.
     pub report: RepairReport,
-    /// For each vertex of the result the vertex of the input that it was.
+    /// Source vertex in the input of each vertex of the result.
     pub source_of_vertex: Vec<u32>,
-    /// For each vertex of the input the vertex of the result that it became; `None` where nothing is left of it.
+    /// Vertex of the result for each vertex of the input; `None` if it was removed.
     pub vertex_of_source: Vec<Option<u32>>,
-    /// For each corner of the result the corner of the input, `3t + k`, that it replaces.
+    /// Source corner `3t + k` in the input of each corner of the result.
     pub source_corners: Vec<[u32; 3]>,
-    /// Number of the component of each vertex, as in [`RepairReport::components`].
+    /// Component index of each vertex, as in [`RepairReport::components`].
     pub component_of_vertex: Vec<u32>,
 }
 
 impl Repaired {
-    /// Positions of the input after the result's vertices have moved to `moved`. What nothing is left of stays.
+    /// Positions of the input vertices when those of the result move to `moved`. Removed vertices keep their positions.
     ///
     /// # Panics
-    /// Where there are not as many positions as vertices.
+    /// If the number of positions differs from the number of vertices of the result.
     pub fn carry_back(&self, source: &TriMesh, moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
         assert_eq!(moved.len(), self.source_of_vertex.len(), "one position per vertex of the repaired mesh");
         let place = |(vertex, position): (&Option<u32>, &Point3<f64>)| vertex.map_or(*position, |v| moved[v as usize]);
@@ -80,22 +87,22 @@ impl Repaired {
     }
 }
 
-/// Triangles in the making: corners of the input, whose vertices have been joined.
+/// Triangle soup under repair: triangles over corners of the input, and the welded vertices as a union–find structure.
 struct Soup<'a> {
     mesh: &'a TriMesh,
-    /// Representative of each input vertex: the lowest vertex that was welded with it.
+    /// Representative of each input vertex: the lowest vertex of its welded set.
     joined: UnionFind,
-    /// Three corners `3t + k` of the input per triangle.
+    /// Three input corners `3t + k` per remaining triangle.
     corners: Vec<[u32; 3]>,
 }
 
 impl Soup<'_> {
-    /// The vertex of the input at a corner of the input.
+    /// The input vertex of an input corner.
     fn source(&self, corner: u32) -> u32 {
         self.mesh.triangles()[corner as usize / 3][corner as usize % 3]
     }
 
-    /// The joined vertex at a corner of the input.
+    /// The welded vertex of an input corner.
     fn vertex(&self, corner: u32) -> u32 {
         self.joined.root(self.source(corner))
     }
@@ -108,7 +115,7 @@ impl Soup<'_> {
         self.mesh.positions()[vertex as usize]
     }
 
-    /// Removes triangles with a repeated corner; the triangles of the input that they were.
+    /// Removes triangles with a repeated vertex; returns their input triangles.
     fn drop_collapsed(&mut self) -> Vec<u32> {
         let dead: Vec<bool> = (0..self.corners.len())
             .map(|t| {
@@ -119,7 +126,8 @@ impl Soup<'_> {
         self.drop_dead(&dead)
     }
 
-    /// Removes all but the first of triangles with equal vertices, whatever their orientation.
+    /// Removes all but the first of the triangles with equal vertices, regardless of orientation; returns their input
+    /// triangles.
     fn drop_duplicates(&mut self) -> Vec<u32> {
         let key = |t: usize| {
             let mut vertices = self.vertices(t);
@@ -135,6 +143,7 @@ impl Soup<'_> {
         self.drop_dead(&dead)
     }
 
+    /// Removes the flagged triangles; returns their input triangles.
     fn drop_dead(&mut self, dead: &[bool]) -> Vec<u32> {
         let gone = (0..dead.len()).filter(|&t| dead[t]).map(|t| self.corners[t][0] / 3).collect();
         let mut flags = dead.iter();
@@ -146,7 +155,7 @@ impl Soup<'_> {
 /// Repairs a mesh.
 ///
 /// # Errors
-/// [`Stopped`].
+/// [`Stopped`] if the run is interrupted.
 pub fn repair(mesh: &TriMesh, options: &RepairOptions, run: &Run) -> Result<Repaired, Stopped> {
     let mut report = RepairReport {
         vertices_before: mesh.vertex_count(),
@@ -154,17 +163,21 @@ pub fn repair(mesh: &TriMesh, options: &RepairOptions, run: &Run) -> Result<Repa
         ..RepairReport::default()
     };
     report.unreferenced = unreferenced(mesh);
+    // Step 1: weld.
     let joined = weld::join(mesh, options.weld, &report.unreferenced, run)?;
     report.welded = joined.joined();
     let corners = (0..mesh.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let mut soup = Soup { mesh, joined, corners };
     run.check()?;
+    // Steps 2 and 3: degenerate and duplicate triangles.
     report.collapsed = soup.drop_collapsed();
     report.duplicates = soup.drop_duplicates();
     flat::remove(&mut soup, options.flat, &mut report, run)?;
+    // Steps 4 to 6: pairing, orientation, vertex splits.
     sheets::finish(&soup, report, run)
 }
 
+/// Isolated vertices, in ascending order.
 fn unreferenced(mesh: &TriMesh) -> Vec<u32> {
     let mut named = vec![false; mesh.vertex_count()];
     mesh.triangles().iter().flatten().for_each(|&v| named[v as usize] = true);

@@ -1,4 +1,4 @@
-//! What repair did, and what came of it.
+//! Report of a mesh repair: the changes and the properties of the result.
 
 use std::fmt;
 
@@ -8,77 +8,77 @@ use serde::Serialize;
 use crate::mesh::{HalfEdges, TriMesh};
 use plumbline_num::spatial::UnionFind;
 
-/// What was done to a mesh, and what the result is. Numbers of vertices and triangles are those of the input unless said
+/// Changes made to a mesh, and properties of the result. Vertex and triangle indices refer to the input unless stated
 /// otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RepairReport {
-    /// Vertices of the input.
+    /// Number of vertices of the input.
     pub vertices_before: usize,
-    /// Vertices of the result.
+    /// Number of vertices of the result.
     pub vertices_after: usize,
-    /// Triangles of the input.
+    /// Number of triangles of the input.
     pub triangles_before: usize,
-    /// Triangles of the result.
+    /// Number of triangles of the result.
     pub triangles_after: usize,
-    /// Vertices that became one with another.
+    /// Number of vertices welded to another.
     pub welded: usize,
-    /// Vertices that no triangle names: they are left out.
+    /// Isolated vertices, referenced by no triangle: removed.
     pub unreferenced: Vec<u32>,
-    /// Triangles that name a vertex twice, after joining: they are left out.
+    /// Triangles with a repeated vertex after welding: removed.
     pub collapsed: Vec<u32>,
-    /// Triangles that an earlier one equals: they are left out.
+    /// Duplicates of an earlier triangle: removed.
     pub duplicates: Vec<u32>,
-    /// Triangles without area whose short side became a vertex.
+    /// Number of needles (degenerate triangles) removed by collapsing the short edge.
     pub needles_collapsed: usize,
-    /// Triangles without area whose long side was flipped.
+    /// Number of caps (degenerate triangles) removed by flipping the long edge.
     pub caps_flipped: usize,
-    /// Triangles without area that could only be left out.
+    /// Degenerate triangles that could neither collapse nor flip: removed.
     pub flat_dropped: Vec<u32>,
     /// Triangles whose orientation was reversed.
     pub flipped: Vec<u32>,
-    /// Edges, by their ends, with more than two triangles: sheets are taken apart there.
+    /// Edges, by their end vertices, with more than two triangles: the sheets are separated there.
     pub non_manifold_edges: Vec<[u32; 2]>,
-    /// Vertices that became several, because several sheets met there.
+    /// Vertices that were split, because several sheets met there.
     pub non_manifold_vertices: Vec<u32>,
-    /// Edges along which a surface of one side only was cut open.
+    /// Number of edges along which a non-orientable surface was cut open.
     pub unorientable_cuts: usize,
-    /// Triangles that were cut off on all sides, because their sheet meets another along one edge only.
+    /// Triangles that were disconnected along all edges, because an edge stayed non-manifold after pairing.
     pub detached: Vec<u32>,
-    /// Connected parts of the result.
+    /// Connected components of the result.
     pub components: Vec<Component>,
-    /// Boundaries of the result.
+    /// Boundary loops of the result.
     pub boundary_loops: Vec<BoundaryLoop>,
-    /// Corners of the result with an angle above 90°, whose cotangent is negative.
+    /// Number of corners of the result with an angle above 90°, whose cotangent is negative.
     pub obtuse_corners: usize,
-    /// Edges of the result whose cotangent weight is negative.
+    /// Number of edges of the result with a negative cotangent weight.
     pub negative_weights: usize,
 }
 
-/// A connected part of a surface.
+/// A connected component of a surface.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Component {
-    /// Lowest vertex of the result in it.
+    /// Lowest vertex index of the result in the component.
     pub first_vertex: u32,
     /// Number of vertices.
     pub vertices: usize,
     /// Number of triangles.
     pub triangles: usize,
-    /// Number of boundaries; a closed part has none.
+    /// Number of boundary loops; 0 for a closed component.
     pub boundary_loops: usize,
-    /// Number of handles.
+    /// Genus: number of handles.
     pub genus: usize,
     /// Area, squared units of the positions.
     pub area: f64,
-    /// Enclosed volume; `None` of an open part.
+    /// Enclosed volume; `None` for an open component.
     pub volume: Option<f64>,
 }
 
-/// A closed line where the surface ends.
+/// A boundary loop.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BoundaryLoop {
     /// Component index.
     pub component: u32,
-    /// A vertex of the result on it.
+    /// A vertex index of the result on the loop.
     pub first_vertex: u32,
     /// Number of vertices.
     pub vertices: usize,
@@ -87,12 +87,12 @@ pub struct BoundaryLoop {
 }
 
 impl RepairReport {
-    /// Nothing had to be done.
+    /// Whether nothing had to be changed.
     pub fn is_clean(&self) -> bool {
         self.changes().next().is_none()
     }
 
-    /// What was done, in words.
+    /// The changes, in words.
     pub fn changes(&self) -> impl Iterator<Item = String> {
         let first = |list: &[u32]| list.first().map(|v| format!(" (first: {v})")).unwrap_or_default();
         let edge = self.non_manifold_edges.first().map(|[a, b]| format!(" (first: {a} to {b})")).unwrap_or_default();
@@ -133,7 +133,7 @@ impl fmt::Display for RepairReport {
     }
 }
 
-/// Adds what the result is; the component of each of its vertices.
+/// Adds the properties of the result to the report; returns it with the component of each vertex.
 pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairReport, Vec<u32>) {
     report.vertices_after = mesh.vertex_count();
     report.triangles_after = mesh.triangle_count();
@@ -147,6 +147,7 @@ pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairRepor
         let length = (0..line.len()).map(|k| (place(k + 1) - place(k)).norm()).sum();
         report.boundary_loops.push(BoundaryLoop { component, first_vertex: line[0], vertices: line.len(), length });
     }
+    // Genus g from the Euler characteristic: V − E + F = 2 − 2 g − b with b boundary loops.
     let mut edges = vec![0_isize; components.len()];
     half_edges.edges().for_each(|h| edges[component_of[half_edges.origin(h) as usize] as usize] += 1);
     for (component, edges) in components.iter_mut().zip(edges) {
@@ -160,7 +161,8 @@ pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairRepor
     (report, component_of)
 }
 
-/// The component of each vertex, numbered as they are first met, and their sizes. Each vertex belongs to a triangle.
+/// The component of each vertex, numbered by lowest vertex, and the measures of each component. An isolated vertex is a
+/// component without triangles. Volumes are computed about the first vertex of the component, to avoid cancellation.
 pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
     let mut joined = UnionFind::new(mesh.vertex_count());
     for &[a, b, c] in mesh.triangles() {
@@ -194,7 +196,8 @@ pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
     (component_of, components)
 }
 
-/// Corners whose cotangent is negative, and edges at which the cotangents of the opposite corners sum to less than zero.
+/// Number of corners with a negative cotangent, and of edges at which the cotangents of the opposite corners have a negative
+/// sum.
 pub(super) fn negative_cotangents(mesh: &TriMesh) -> (usize, usize) {
     let origins: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
     let cotangent = |h: u32| {

@@ -1,4 +1,5 @@
-//! From a triangle soup to oriented manifold sheets: adjacency, orientation, and the number of copies that each vertex needs.
+//! From a triangle soup to oriented manifold sheets: edge adjacency, consistent orientation, and splitting of non-manifold
+//! vertices.
 
 use std::collections::VecDeque;
 
@@ -11,20 +12,25 @@ use crate::mesh::{HalfEdges, TriMesh};
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::UnionFind;
 
+/// Null index: no paired half-edge, no number yet. `u32::MAX` is no valid half-edge.
 const NONE: u32 = u32::MAX;
 
-/// How much flatter a pair must meet to be preferred to a convex one: two solids that touch along an edge come apart.
+/// Bonus of a convex pair at a non-manifold edge, in units of the cosine of [`Sheets::bend`]: a concave pair is preferred only
+/// if it is flatter by more than this. Well above rounding, it decides ties: two solids that touch along an edge are separated.
 const CONVEX_BONUS: f64 = 1e-6;
 
+/// Edge adjacency and orientation of the triangles of a soup.
 struct Sheets<'a> {
     soup: &'a Soup<'a>,
-    /// The half-edge across each half-edge `3t + k` of the soup.
+    /// Paired half-edge of each half-edge `3t + k` of the soup, or [`NONE`]. Symmetric: `across[across[h]] = h`. The two may
+    /// run in the same direction as long as the triangles are not consistently oriented.
     across: Vec<u32>,
+    /// Whether the orientation of each triangle is reversed.
     flipped: Vec<bool>,
     report: RepairReport,
 }
 
-/// Orients, splits and numbers.
+/// Pairs triangles at edges, orients them, splits non-manifold vertices and builds the result.
 pub(super) fn finish(soup: &Soup<'_>, report: RepairReport, run: &Run) -> Result<Repaired, Stopped> {
     let triangles = soup.corners.len();
     let mut sheets = Sheets { soup, across: vec![NONE; 3 * triangles], flipped: vec![false; triangles], report };
@@ -48,11 +54,13 @@ impl Sheets<'_> {
         self.origin(HalfEdges::next(h))
     }
 
+    /// Pairs two half-edges.
     fn connect(&mut self, g: u32, h: u32) {
         self.across[g as usize] = h;
         self.across[h as usize] = g;
     }
 
+    /// Removes the pairing of a half-edge.
     fn cut(&mut self, h: u32) {
         let other = std::mem::replace(&mut self.across[h as usize], NONE);
         if other != NONE {
@@ -60,7 +68,7 @@ impl Sheets<'_> {
         }
     }
 
-    /// Joins triangles in pairs at each edge.
+    /// Pairs the triangles at each edge.
     fn pair(&mut self) {
         let origins: Vec<u32> = (0..self.soup.corners.len()).flat_map(|t| self.soup.vertices(t)).collect();
         for edge in edge_groups(&origins).iter() {
@@ -76,7 +84,8 @@ impl Sheets<'_> {
         }
     }
 
-    /// Pairs the triangles at a crowded edge: first those that are oriented alike, of these the ones that meet most flatly.
+    /// Pairs the triangles at a non-manifold edge greedily: consistently oriented pairs first, then by [`Self::bend`], so that
+    /// the flattest pairs come first.
     fn pair_crowd(&mut self, edge: &[(u64, u32)]) {
         let mut pairs = Vec::new();
         for (k, &(_, g)) in edge.iter().enumerate() {
@@ -92,7 +101,8 @@ impl Sheets<'_> {
         }
     }
 
-    /// Badness of a pair at an edge: 0 for coplanar continuation, 2 for overlapping triangles; less for convex than for concave angles.
+    /// Bending cost of a pair at an edge, one plus the cosine of the angle between the triangles: 0 for coplanar continuation,
+    /// 2 for overlapping triangles; lower for convex than for concave angles by [`CONVEX_BONUS`].
     fn bend(&self, g: u32, h: u32) -> f64 {
         let place = |h: u32| self.soup.position(self.origin(h));
         let (a, b) = (place(g), place(HalfEdges::next(g)));
@@ -102,13 +112,13 @@ impl Sheets<'_> {
             (arm - axis * arm.dot(&axis)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
         };
         let (u, v) = (outward(g), outward(h));
-        // Seen against the normal of g, a convex neighbor drops away.
+        // A convex neighbor is below the plane of g.
         let convex = axis.cross(&u).dot(&v) < 0.0;
         let bonus = if convex { CONVEX_BONUS } else { 0.0 };
         1.0 + u.dot(&v) - bonus
     }
 
-    /// Turns triangles so that neighbors run along their edge in opposite directions; cuts where that cannot be.
+    /// Orients adjacent triangles consistently; cuts edges where that is impossible.
     fn orient(&mut self) {
         let mut seen = vec![false; self.soup.corners.len()];
         for seed in 0..seen.len() as u32 {
@@ -119,8 +129,8 @@ impl Sheets<'_> {
         }
     }
 
-    /// Turns all triangles that are reached from `seed` as it is turned itself; their numbers. Edges whose triangles agree are
-    /// crossed first, so that as few as can be are turned, and a surface of one side is cut where it disagrees already.
+    /// Orients all triangles reachable from `seed` consistently with it; returns them. Edges with consistent triangles are
+    /// crossed first, so that few triangles are reversed and a non-orientable surface is cut where it is inconsistent already.
     fn orient_like(&mut self, seed: u32, seen: &mut [bool]) -> Vec<u32> {
         let (mut open, mut later, mut members) = (vec![seed], VecDeque::new(), Vec::new());
         loop {
@@ -140,7 +150,8 @@ impl Sheets<'_> {
         }
     }
 
-    /// Crosses a half-edge: orients the neighbor consistently, or cuts if it is oriented otherwise already.
+    /// Crosses a half-edge: orients the adjacent triangle consistently, or cuts the edge if that triangle was visited with the
+    /// opposite orientation.
     fn reach(&mut self, h: u32, seen: &mut [bool], open: &mut Vec<u32>) {
         let other = self.across[h as usize];
         if other == NONE {
@@ -157,13 +168,15 @@ impl Sheets<'_> {
         }
     }
 
+    /// Reverses the orientation of triangles.
     fn turn(&mut self, members: &[u32]) {
         for &t in members {
             self.flipped[t as usize] ^= true;
         }
     }
 
-    /// The larger part of the area keeps the orientation it came with.
+    /// Reverses the component if most of its area was reversed, so that the larger part of the area keeps its input
+    /// orientation.
     fn turn_to_majority(&mut self, members: &[u32]) {
         let area = |t: &u32| {
             let [a, b, c] = self.soup.vertices(*t as usize).map(|v| self.soup.position(v));
@@ -175,7 +188,8 @@ impl Sheets<'_> {
         }
     }
 
-    /// Closed parts face outward. One that came oriented alike stays inside out where it lies within another: it is a cavity.
+    /// Orients closed components outwards. A component with consistent input orientation stays inwards if it is inside another
+    /// component: it is a cavity.
     fn face_outward(&mut self, classes: &UnionFind) {
         let shells = self.shells(classes);
         for shell in &shells {
@@ -191,7 +205,7 @@ impl Sheets<'_> {
         self.report.flipped = turned.map(|t| self.soup.corners[t][0] / 3).collect();
     }
 
-    /// Components connected by edges, after vertices are split.
+    /// Edge-connected components after the vertex splits.
     fn shells(&self, classes: &UnionFind) -> Vec<Shell> {
         let origins: Vec<u32> = (0..self.across.len() as u32).map(|h| classes.root(h)).collect();
         let mut joined = UnionFind::new(self.flipped.len());
@@ -223,10 +237,12 @@ impl Sheets<'_> {
         if self.flipped[t] { [a, c, b] } else { [a, b, c] }
     }
 
-    /// For each corner `3t + k` of the soup the set of corners that become one vertex.
+    /// Sets of corners `3t + k` of the soup that become one vertex: corners connected across paired edges, that is one fan per
+    /// vertex. Triangles at edges that are still non-manifold are disconnected until there are none.
     fn split(&mut self, run: &Run) -> Result<UnionFind, Stopped> {
         loop {
             run.check()?;
+            // Join the corners at both ends of each paired edge; half-edges may run in the same or in opposite directions.
             let mut classes = UnionFind::new(self.across.len());
             for h in 0..self.across.len() as u32 {
                 let other = self.across[h as usize];
@@ -241,6 +257,8 @@ impl Sheets<'_> {
                 classes.join(h, near);
                 classes.join(HalfEdges::next(h), far);
             }
+            // Done if no edge is non-manifold; else disconnect the surplus triangles and repeat. Each iteration cuts more
+            // edges.
             let crowded = self.crowded(&classes);
             if crowded.is_empty() {
                 return Ok(classes);
@@ -252,7 +270,7 @@ impl Sheets<'_> {
         }
     }
 
-    /// Triangles at edges that are crowded still, because the sheets there meet elsewhere too: all but one pair.
+    /// Triangles at edges that are still non-manifold, because the sheets there are also connected elsewhere: all but one pair.
     fn crowded(&self, classes: &UnionFind) -> Vec<u32> {
         let origins: Vec<u32> = (0..self.across.len() as u32).map(|h| classes.root(h)).collect();
         let mut found = Vec::new();
@@ -270,10 +288,11 @@ impl Sheets<'_> {
         found
     }
 
+    /// Builds the result: vertices, index maps, triangles and report.
     fn build(mut self, classes: &UnionFind) -> Repaired {
         let soup = self.soup;
         let corner_at = |h: usize| soup.corners[h / 3][h % 3];
-        // Each set of corners is named by its lowest source, then by its first corner, so that the order of the input stays.
+        // Vertices of the result: sets of corners sorted by lowest source vertex, then by root corner, to keep the input order.
         let mut source = vec![NONE; self.across.len()];
         for h in 0..self.across.len() {
             let root = classes.root(h as u32) as usize;
@@ -287,6 +306,7 @@ impl Sheets<'_> {
             number[root as usize] = vertex as u32;
         }
         let vertex_at = |h: usize| number[classes.root(h as u32) as usize];
+        // Index map from the input, and the welded vertices that were split.
         let mut vertex_of_source = vec![None; soup.mesh.vertex_count()];
         let mut of_joined = vec![None; soup.mesh.vertex_count()];
         for h in 0..self.across.len() {
@@ -302,6 +322,7 @@ impl Sheets<'_> {
         for (given, vertex) in vertex_of_source.iter_mut().enumerate() {
             *vertex = vertex.or(of_joined[soup.joined.root(given as u32) as usize]);
         }
+        // Positions of the welded representatives, triangles in their final orientation.
         let position = |&(source, _): &(u32, u32)| soup.position(soup.joined.root(source));
         let positions: Vec<Point3<f64>> = order.iter().map(position).collect();
         let triangle = |t: usize| {
@@ -311,24 +332,29 @@ impl Sheets<'_> {
         let triangles = (0..soup.corners.len()).map(triangle).collect();
         let source_corners = (0..soup.corners.len()).map(|t| self.turned(t)).collect();
         let mesh = TriMesh::new(positions, triangles).expect("positions and corners of a mesh");
+        // Properties of the result.
         let (report, component_of_vertex) = describe(&mesh, self.report);
         let source_of_vertex = order.iter().map(|&(source, _)| source).collect();
         Repaired { mesh, report, source_of_vertex, vertex_of_source, source_corners, component_of_vertex }
     }
 }
 
-/// Triangles connected by edges, as oriented.
+/// An edge-connected component with its orientation.
 #[expect(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
 struct Shell {
     members: Vec<u32>,
+    /// Whether the component has no boundary edge.
     closed: bool,
     /// Whether some triangle keeps its orientation, and whether some was reversed.
     kept: bool,
     turned: bool,
     /// Whether no triangle was reversed relative to another.
     as_given: bool,
+    /// Six times the signed volume about `first`.
     volume: f64,
+    /// Reference point: a vertex of the component, to avoid cancellation far from the origin.
     first: Point3<f64>,
+    /// Bounding box.
     low: Point3<f64>,
     high: Point3<f64>,
 }
@@ -353,6 +379,7 @@ impl Shell {
         }
     }
 
+    /// Whether the bounding box strictly contains that of the other: a necessary condition for enclosure.
     fn encloses(&self, other: &Self) -> bool {
         (0..3).all(|k| self.low[k] < other.low[k] && other.high[k] < self.high[k])
     }

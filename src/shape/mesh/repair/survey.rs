@@ -8,7 +8,7 @@ use super::report::{components, negative_cotangents};
 use crate::mesh::TriMesh;
 use crate::mesh::half_edges::edge_groups;
 
-/// Counts and sizes of a mesh as it is.
+/// Counts and measures of an unmodified mesh.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct MeshFacts {
     /// Number of vertices.
@@ -17,19 +17,19 @@ pub struct MeshFacts {
     pub triangles: usize,
     /// Number of edges.
     pub edges: usize,
-    /// Edges with one triangle.
+    /// Boundary edges: one incident triangle.
     pub boundary_edges: usize,
-    /// Edges with more than two.
+    /// Non-manifold edges: more than two incident triangles.
     pub non_manifold_edges: usize,
-    /// Edges with two triangles that are oriented differently.
+    /// Edges with two incident triangles of inconsistent orientation.
     pub inconsistent_edges: usize,
-    /// Connected components by shared vertices.
+    /// Connected components, over common vertices.
     pub components: usize,
-    /// V − E + F, of the vertices that triangles name.
+    /// Euler characteristic V − E + F, over the referenced vertices.
     pub euler: isize,
-    /// Lowest coordinates; `None` without vertices.
+    /// Minimum corner of the bounding box; `None` without vertices.
     pub low: Option<[f64; 3]>,
-    /// Highest coordinates.
+    /// Maximum corner of the bounding box.
     pub high: Option<[f64; 3]>,
     /// Area, squared units of the positions.
     pub area: f64,
@@ -42,10 +42,11 @@ pub struct MeshFacts {
 }
 
 impl MeshFacts {
-    /// Looks at a mesh.
+    /// Surveys a mesh.
     pub fn of(mesh: &TriMesh) -> Self {
         let origins: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
         let mut facts = Self { vertices: mesh.vertex_count(), triangles: mesh.triangle_count(), ..Self::default() };
+        // Edge statistics.
         for edge in edge_groups(&origins).iter() {
             facts.edges += 1;
             match edge {
@@ -56,6 +57,7 @@ impl MeshFacts {
                 _ => facts.non_manifold_edges += 1,
             }
         }
+        // Components and Euler characteristic; isolated vertices do not count.
         let parts = components(mesh).1;
         let named: usize = parts.iter().filter(|part| part.triangles > 0).map(|part| part.vertices).sum();
         facts.components = parts.iter().filter(|part| part.triangles > 0).count();

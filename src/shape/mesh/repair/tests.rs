@@ -18,7 +18,7 @@ fn changed(mesh: &TriMesh, change: impl FnOnce(&mut Vec<Point3<f64>>, &mut Vec<[
     TriMesh::new(positions, triangles).expect("valid")
 }
 
-/// What holds of every result.
+/// Invariants of every result.
 fn check(source: &TriMesh, result: &Repaired, options: &RepairOptions) {
     let mesh = &result.mesh;
     HalfEdges::new(mesh).expect("an oriented manifold");
@@ -251,7 +251,7 @@ fn nothing_is_repaired_into_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Any triangles over few vertices on a lattice: equal, flat, crowded, turned.
+    /// Random triangles over few vertices of a grid: duplicate, degenerate, non-manifold and inconsistently oriented ones.
     #[test]
     fn any_triangles_become_an_oriented_manifold(
         vertices in prop::collection::vec([0..4_i32, 0..4_i32, 0..3_i32], 3..14),

@@ -1,4 +1,4 @@
-//! Welding of vertices at equal positions.
+//! Welding of coincident vertices.
 
 use std::collections::HashMap;
 
@@ -8,7 +8,7 @@ use super::{TriMesh, Weld};
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::UnionFind;
 
-/// Joins the vertices of a mesh.
+/// Sets of welded vertices of a mesh.
 pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32], run: &Run) -> Result<UnionFind, Stopped> {
     let mut joined = UnionFind::new(mesh.vertex_count());
     match weld {
@@ -25,7 +25,7 @@ pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32], run: &Run) 
     Ok(joined)
 }
 
-/// Bounding box of the vertices that triangles use; isolated ones may be anywhere.
+/// Bounding box diagonal of the referenced vertices; isolated ones may be arbitrarily far away.
 fn diagonal(mesh: &TriMesh, unreferenced: &[u32]) -> f64 {
     let mut named =
         mesh.positions().iter().enumerate().filter(|(v, _)| unreferenced.binary_search(&(*v as u32)).is_err());
@@ -34,17 +34,19 @@ fn diagonal(mesh: &TriMesh, unreferenced: &[u32]) -> f64 {
     (high - low).norm()
 }
 
+/// Joins vertices with equal coordinates, by hashing their bits.
 fn join_equal(positions: &[Point3<f64>], joined: &mut UnionFind) {
     let mut first = HashMap::with_capacity(positions.len());
     for (vertex, p) in positions.iter().enumerate() {
-        // Zero has two signs.
+        // Adding +0 maps −0 to +0, so that both have the same bits.
         let bits = [p.x, p.y, p.z].map(|x| (x + 0.0).to_bits());
         let other = *first.entry(bits).or_insert(vertex as u32);
         joined.join(other, vertex as u32);
     }
 }
 
-/// Grid cells whose diagonal is the weld distance: all vertices in one are welded, and none reaches farther than two cells.
+/// Spatial hashing in grid cells whose diagonal is the weld distance: all vertices of a cell are welded, and vertices within
+/// the distance are at most two cells apart.
 fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind, run: &Run) -> Result<(), Stopped> {
     let side = distance / 3.0_f64.sqrt();
     let origin = positions.iter().fold(Point3::from([f64::INFINITY; 3]), |low, p| low.inf(p));
@@ -55,7 +57,7 @@ fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind, r
             inside.entry(cube(p)).or_default().push(vertex as u32);
         }
     }
-    // The order in which sets are joined does not change them.
+    // The iteration order of the hash map does not affect the resulting sets.
     for (cube, vertices) in &inside {
         run.check()?;
         for &vertex in vertices {
@@ -74,7 +76,7 @@ fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind, r
     Ok(())
 }
 
-/// One of each pair of opposite steps to the cubes within two.
+/// One of each pair of opposite offsets to the cells within distance two: 62 of the 124 in a 5 × 5 × 5 block.
 fn forward_offsets() -> impl Iterator<Item = [i64; 3]> {
     (1..=62).map(|k: i64| {
         let k = k + 62;

@@ -1,4 +1,4 @@
-//! Small shapes that break what assumes a tidy surface.
+//! Small degenerate and non-manifold test meshes.
 
 use std::f64::consts::TAU;
 
@@ -13,7 +13,7 @@ pub fn one_triangle() -> TriMesh {
     made(positions.map(Point3::from).to_vec(), vec![[0, 1, 2]])
 }
 
-/// A Möbius strip of `segments` around and `rows` across: it has one side and cannot be oriented.
+/// A Möbius strip of `segments` cells around and `rows` across: non-orientable.
 pub fn moebius(segments: usize, rows: usize) -> TriMesh {
     let (segments, rows) = (segments.max(3), rows.max(1));
     let vertex = |k: usize| {
@@ -33,7 +33,7 @@ pub fn moebius(segments: usize, rows: usize) -> TriMesh {
     made((0..segments * (rows + 1)).map(vertex).collect(), (0..segments * rows).flat_map(cell).collect())
 }
 
-/// Two tetrahedra that share nothing but their tip, the first vertex.
+/// Two tetrahedra with one common vertex, the first: a non-manifold vertex.
 pub fn hourglass() -> TriMesh {
     let ring = |z: f64| (0..3).map(move |k| (TAU * k as f64 / 3.0, z)).map(|(a, z)| Point3::new(a.cos(), a.sin(), z));
     let positions = std::iter::once(Point3::origin()).chain(ring(1.0)).chain(ring(-1.0)).collect();
@@ -42,7 +42,8 @@ pub fn hourglass() -> TriMesh {
     made(positions, upper.into_iter().chain(lower).collect())
 }
 
-/// A fan of `pages` triangles around one edge, from its first vertex to its second: non-manifold from three pages on.
+/// `pages` triangles incident to one edge, all oriented from its first vertex to its second: a non-manifold edge for three
+/// pages or more.
 pub fn book(pages: usize) -> TriMesh {
     let spine = [Point3::origin(), Point3::new(0.0, 0.0, 1.0)];
     let page = |k: usize| {
@@ -53,7 +54,7 @@ pub fn book(pages: usize) -> TriMesh {
     made(positions, (0..pages as u32).map(|k| [0, 1, k + 2]).collect())
 }
 
-/// All of these meshes in one, side by side along x where their boxes would meet, and not joined.
+/// Disjoint union of the meshes, translated along x so that their bounding boxes do not overlap.
 pub fn disjoint(parts: &[TriMesh]) -> TriMesh {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     let mut right = None;
@@ -68,7 +69,7 @@ pub fn disjoint(parts: &[TriMesh]) -> TriMesh {
     made(positions, triangles)
 }
 
-/// The same triangles, each with three vertices of its own.
+/// Triangle soup: the same triangles, each with three separate vertices.
 pub fn soup(mesh: &TriMesh) -> TriMesh {
     let positions = (0..mesh.triangle_count()).flat_map(|t| mesh.corners(t)).collect();
     made(positions, (0..mesh.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())

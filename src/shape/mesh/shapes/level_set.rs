@@ -1,9 +1,9 @@
 //! Closed surfaces as level sets `{x : f(x) = 0}`, `f < 0` inside, by marching tetrahedra.
 //!
-//! Each cube of a lattice is cut into six tetrahedra around its diagonal (Kuhn); a tetrahedron with corners on both sides of
-//! the surface holds one or two triangles between the crossings of its edges. The result is closed and manifold whatever `f`
-//! is, as long as the border of the box is outside. Its slivers go as each vertex moves to the middle of its neighbors and back
-//! along the gradient onto the surface, a few times over.
+//! Each cube of a grid is divided into six tetrahedra around its diagonal (Kuhn subdivision); a tetrahedron with corners on
+//! both sides of the surface contains one or two triangles between the zero crossings on its edges. The result is closed and
+//! manifold for any `f`, because the boundary nodes of the box count as outside. Slivers are removed by a few iterations of
+//! Laplacian smoothing, each followed by projection along the gradient onto the surface.
 //!
 //! # Reference
 //! A. Doi, A. Koide, *An efficient method of triangulating equi-valued surfaces by using tetrahedral cells*, IEICE 1991.
@@ -15,14 +15,16 @@ use nalgebra::{Point3, Vector3};
 use super::super::TriMesh;
 use super::made;
 
-/// Rounds of relaxation: after ten the worst triangles are well shaped, and more change little.
+/// Smoothing iterations: after ten the worst triangles are well shaped, and further iterations change little.
 const ROUNDS: usize = 12;
 
-/// Corners of the six tetrahedra of a cube as bits x, y, z, each positively oriented.
+/// Kuhn subdivision of a cube: the corners of its six tetrahedra, each positively oriented. Bits 0, 1, 2 of a corner are its
+/// x, y, z.
 const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
-/// The level set of `f` in a box of cubes of side `cell`. Nodes on the border of the box count as outside.
+/// The zero level set of `f` in a box, on a grid of cubes of side `cell`. Grid nodes on the boundary of the box count as
+/// outside.
 pub fn level_set(f: impl Fn(&Point3<f64>) -> f64, low: Point3<f64>, high: Point3<f64>, cell: f64) -> TriMesh {
     let nodes = (high - low).map(|side| (side / cell).ceil().max(1.0) as usize + 1);
     let mut march = March::new(&f, low, cell, [nodes.x, nodes.y, nodes.z]);
@@ -32,7 +34,7 @@ pub fn level_set(f: impl Fn(&Point3<f64>) -> f64, low: Point3<f64>, high: Point3
     made(positions, triangles)
 }
 
-/// A saguaro: a trunk along z and two bent arms, about one unit high; `resolution` cells over that height.
+/// A saguaro cactus: a trunk along z and two bent arms, about one unit high; `resolution` cells over that height.
 pub fn cactus(resolution: usize) -> TriMesh {
     let p = Point3::new;
     let limbs = [
@@ -47,7 +49,7 @@ pub fn cactus(resolution: usize) -> TriMesh {
     level_set(f, p(-0.5, -0.25, -0.25), p(0.55, 0.25, 1.25), 1.0 / resolution.max(8) as f64)
 }
 
-/// Tori of radii 1 and 0.35 around the z axis in a row along x, grown together: a closed surface of genus `holes`;
+/// Tori of radii 1 and 0.35 with axes along z, in a row along x, smoothly joined: a closed surface of genus `holes`;
 /// `resolution` cells per unit of two.
 pub fn holed_torus(holes: usize, resolution: usize) -> TriMesh {
     let holes = holes.max(1);
@@ -57,14 +59,14 @@ pub fn holed_torus(holes: usize, resolution: usize) -> TriMesh {
     level_set(f, Point3::new(-1.6, -1.6, -0.6), Point3::new(end, 1.6, 0.6), 2.0 / resolution.max(10) as f64)
 }
 
-/// Distance from the segment `ab`.
+/// Distance to the segment `ab`.
 fn capsule(x: &Point3<f64>, a: &Point3<f64>, b: &Point3<f64>) -> f64 {
     let (along, from) = (b - a, x - a);
     let t = (from.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
     (from - along * t).norm()
 }
 
-/// The lesser of two distances, rounded where they are within `width` of each other.
+/// Smooth minimum of two distances: quadratic blend where they differ by less than `width`.
 fn joined(width: f64) -> impl Fn(f64, f64) -> f64 {
     move |a, b| {
         let h = (width - (a - b).abs()).max(0.0) / width;
@@ -72,6 +74,7 @@ fn joined(width: f64) -> impl Fn(f64, f64) -> f64 {
     }
 }
 
+/// State of marching tetrahedra: nodal values of `f`, and the vertex of each grid edge that crosses the surface.
 struct March {
     low: Point3<f64>,
     cell: f64,
@@ -95,15 +98,18 @@ impl March {
         march
     }
 
+    /// Grid coordinates of a node.
     fn along(&self, node: usize) -> [usize; 3] {
         let [nx, ny, _] = self.nodes;
         [node % nx, node / nx % ny, node / (nx * ny)]
     }
 
+    /// Position of a node.
     fn place(&self, node: usize) -> Point3<f64> {
         self.low + Vector3::from(self.along(node).map(|i| i as f64)) * self.cell
     }
 
+    /// Visits all tetrahedra of the grid.
     fn triangles(&mut self) {
         let [nx, ny, nz] = self.nodes;
         let steps: [usize; 8] = std::array::from_fn(|k| (k & 1) + (k >> 1 & 1) * nx + (k >> 2) * nx * ny);
@@ -119,10 +125,10 @@ impl March {
         }
     }
 
-    /// The triangles in one positively oriented tetrahedron, facing outside.
+    /// Adds the triangles in one positively oriented tetrahedron, oriented outwards.
     fn cut(&mut self, [a, b, c, d]: [usize; 4]) {
         let inside = [a, b, c, d].map(|node| self.values[node] < 0.0);
-        // Even permutations bring a lone corner, or the two inside, to the front.
+        // Even permutations, which keep the orientation, move the single corner on its side to the front.
         let turn = [[a, b, c, d], [b, a, d, c], [c, d, a, b], [d, c, b, a]];
         match inside.iter().filter(|&&i| i).count() {
             1 => {
@@ -136,7 +142,7 @@ impl March {
                 self.triangles.push(t);
             }
             2 => {
-                // All even.
+                // Even permutations that move the two inside corners to the front.
                 let pairs = [[a, b, c, d], [c, d, a, b], [a, c, d, b], [b, d, c, a], [a, d, b, c], [b, c, a, d]];
                 let [p, q, r, s] = *pairs
                     .iter()
@@ -149,7 +155,8 @@ impl March {
         }
     }
 
-    /// The vertex where the edge between two nodes crosses the surface, kept off the nodes.
+    /// The vertex at the zero crossing of a grid edge, created once per edge. The interpolation parameter is clamped to
+    /// `[0.1, 0.9]`, so that vertices of different edges do not coincide at a node.
     fn crossing(&mut self, p: usize, q: usize) -> u32 {
         let (p, q) = (p.min(q), p.max(q));
         if let Some(&vertex) = self.crossings.get(&(p, q)) {
@@ -163,14 +170,15 @@ impl March {
     }
 }
 
-/// Moves each vertex to the middle of its neighbors, then back onto the surface by Newton steps along the gradient.
+/// Laplacian smoothing with uniform weights; after each iteration two Newton steps along the gradient project the vertices onto
+/// the surface.
 fn relax(f: impl Fn(&Point3<f64>) -> f64, positions: &mut [Point3<f64>], triangles: &[[u32; 3]], cell: f64) {
     let h = 1e-4 * cell;
     for _ in 0..ROUNDS {
         let mut sums = vec![(Vector3::zeros(), 0.0); positions.len()];
         for &[a, b, c] in triangles {
             for (p, q) in [(a, b), (b, c), (c, a)] {
-                // In a closed surface the neighbor before comes with the other triangle of the edge.
+                // In a closed surface each half-edge `p → q` occurs once, so that every neighbor is counted once.
                 let sum = &mut sums[p as usize];
                 *sum = (sum.0 + positions[q as usize].coords, sum.1 + 1.0);
             }

@@ -1,7 +1,7 @@
-//! Meshes made by rule: the test shapes of the deformation literature, and small ones chosen to hurt.
+//! Procedural meshes: the test shapes of the deformation literature, and small degenerate or non-manifold meshes.
 //!
-//! Bar, cylinder, cactus and spiked plane are the four stress tests of the survey (twist, bend, bend, lift). All are counter-
-//! clockwise seen from outside, and the same arguments give the same bytes.
+//! Bar, cylinder, cactus and spiked plane are the four stress tests of the survey (twist, bend, bend, lift). All are oriented
+//! counterclockwise seen from outside. Generation is deterministic: equal arguments give identical bytes.
 //!
 //! # Reference
 //! M. Botsch, O. Sorkine, *On linear variational surface deformation methods*, TVCG 2008, section 5.
@@ -20,12 +20,12 @@ pub use hurtful::{book, disjoint, hourglass, moebius, one_triangle, soup};
 pub use level_set::{cactus, holed_torus, level_set};
 pub use round::{cylinder, icosphere, tube};
 
-/// A mesh of positions and triangles that a rule has made.
+/// A mesh of generated positions and triangles, valid by construction.
 fn made(positions: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> TriMesh {
     TriMesh::new(positions, triangles).expect("corners exist and positions are finite by construction")
 }
 
-/// The two triangles of a quad, cut along the diagonal from its first corner, or along the other.
+/// The two triangles of a quad, split along the diagonal from its first corner, or along the `other` one.
 fn halves([a, b, c, d]: [u32; 4], other: bool) -> [[u32; 3]; 2] {
     if other { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] }
 }
@@ -59,6 +59,7 @@ pub fn bar(cells: [usize; 3], size: [f64; 3]) -> TriMesh {
     let mut lattice = Lattice { cells, size, numbers: BTreeMap::new(), positions: Vec::new() };
     let mut triangles = Vec::new();
     for axis in 0..3 {
+        // The two faces of the box normal to `axis`, each a grid of quads along `u` and `v`.
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         for far in [false, true] {
             for j in 0..cells[v] {
@@ -81,7 +82,7 @@ pub fn bar(cells: [usize; 3], size: [f64; 3]) -> TriMesh {
     made(lattice.positions, triangles)
 }
 
-/// Vertices on a lattice, numbered as they are first asked for.
+/// Vertices on a grid, numbered in the order of first use.
 struct Lattice {
     cells: [usize; 3],
     size: [f64; 3],

@@ -1,4 +1,4 @@
-//! Shapes around an axis or a point.
+//! Surfaces of revolution and spheres.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -8,13 +8,13 @@ use nalgebra::Point3;
 use super::super::TriMesh;
 use super::{halves, made};
 
-/// A tube around the z axis, open at both ends: `rows` cells from `z = 0` to `height`, `sides` around. Ring by ring.
+/// An open tube around the z axis: `rows` cells from `z = 0` to `height`, `sides` cells around. Vertices ring by ring.
 pub fn tube(sides: usize, rows: usize, radius: f64, height: f64) -> TriMesh {
     let (positions, triangles) = wall(sides.max(3), rows.max(1), radius, height);
     made(positions, triangles)
 }
 
-/// [`tube`] closed by two fans, whose centers are the last two vertices: bottom, top.
+/// [`tube`] closed by two triangle fans, whose centers are the last two vertices: bottom, top.
 pub fn cylinder(sides: usize, rows: usize, radius: f64, height: f64) -> TriMesh {
     let (sides, rows) = (sides.max(3), rows.max(1));
     let (mut positions, mut triangles) = wall(sides, rows, radius, height);
@@ -28,6 +28,7 @@ pub fn cylinder(sides: usize, rows: usize, radius: f64, height: f64) -> TriMesh 
     made(positions, triangles)
 }
 
+/// Positions and triangles of the lateral surface.
 fn wall(sides: usize, rows: usize, radius: f64, height: f64) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
     let vertex = |k: usize| {
         let (angle, z) = (TAU * (k % sides) as f64 / sides as f64, height * (k / sides) as f64 / rows as f64);
@@ -41,7 +42,7 @@ fn wall(sides: usize, rows: usize, radius: f64, height: f64) -> (Vec<Point3<f64>
     ((0..sides * (rows + 1)).map(vertex).collect(), (0..sides * rows).flat_map(cell).collect())
 }
 
-/// The unit sphere: an icosahedron whose triangles are cut in four `levels` times, `10·4^levels + 2` vertices.
+/// The unit sphere as an icosahedron with `levels` 1-to-4 subdivisions, `10·4^levels + 2` vertices.
 pub fn icosphere(levels: u32) -> TriMesh {
     let (mut positions, mut triangles) = icosahedron();
     for _ in 0..levels {
@@ -62,7 +63,7 @@ pub fn icosphere(levels: u32) -> TriMesh {
     made(positions, triangles)
 }
 
-/// Poles at ±z and two rings of five between them.
+/// The regular icosahedron: poles at ±z and two rings of five vertices at `z = ±1/√5`, of radius `2/√5`.
 fn icosahedron() -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
     let z = 0.2_f64.sqrt();
     let ring = |up: bool| {

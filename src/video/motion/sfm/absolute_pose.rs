@@ -1,7 +1,7 @@
-//! Pose of a calibrated camera from many points, some of them wrong.
+//! Absolute pose of a calibrated camera from 2D–3D correspondences with outliers.
 //!
-//! The pose of least truncated squared reprojection error is searched over minimal samples ([`super::three_point()`]); each
-//! refit is a Gauss–Newton step sequence over `R ← Exp(ω) R`, `t ← t + δ` with
+//! Robust search over minimal samples ([`super::three_point()`]) minimizes the truncated squared reprojection error.
+//! Each refit is a sequence of Gauss–Newton steps over `R ← Exp(ω) R`, `t ← t + δ` with
 //!
 //! ```text
 //! e = Y_xy/Y_z − ŷ,    Y = R x + t,    ∂e/∂Y = [1 0 −Y_x/Y_z; 0 1 −Y_y/Y_z]/Y_z,    ∂Y/∂ω = −[R x]×,    ∂Y/∂δ = 1.
@@ -14,13 +14,15 @@ use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::optim::ransac::{Consensus, MsacOptions, Solution, msac};
 use plumbline_num::run::{Run, Stopped};
 
-/// Steps of one refit inside the search: it starts near and repeats.
+/// Gauss–Newton steps of one refit inside the search. A few are enough: a refit starts near its minimum and is
+/// repeated by the search.
 const REFIT_STEPS: usize = 4;
 
-/// The pose `cam_from_world` of least truncated squared reprojection error, in units of normalized image coordinates.
+/// The pose `cam_from_world` of minimum truncated squared reprojection error, in units of normalized image
+/// coordinates.
 ///
-/// `initial`, where given, competes with the sampled poses. `None` where fewer than three points carry weight or none of the
-/// samples determines a pose.
+/// `initial`, if given, competes with the sampled poses. `None` if fewer than three points have nonzero weight or no
+/// sample determines a pose.
 ///
 /// # Errors
 /// [`Stopped`].

@@ -1,11 +1,11 @@
-//! A point seen in two views.
+//! Correspondence of image points in two views.
 
 use nalgebra::{Matrix3, SVector};
 
 use plumbline_camera::Vec3;
 use plumbline_num::math::{Point2, Vec2};
 
-/// Homogeneous image coordinates `(x, y, 1)` of one point in two views: normalized ones (rays) where the camera is known.
+/// Homogeneous image coordinates `(x, y, 1)` of one point in two views; normalized (rays) if the camera is calibrated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correspondence {
     /// In the first view.
@@ -20,13 +20,13 @@ impl Correspondence {
         Self { first: first.push(1.0), second: second.push(1.0) }
     }
 
-    /// The same pair in pixels of a camera of focal length `focal` with its center at 0.
+    /// The same pair in pixels of a camera of focal length `focal` with its principal point at 0.
     #[must_use]
     pub fn scaled(&self, focal: f64) -> Self {
         Self::new(self.first.xy() * focal, self.second.xy() * focal)
     }
 
-    /// The two points, third coordinate left out.
+    /// The two points, without their third coordinates.
     pub fn points(&self) -> (Point2, Point2) {
         (Point2::from(self.first.xy()), Point2::from(self.second.xy()))
     }
@@ -48,7 +48,7 @@ impl Correspondence {
     }
 }
 
-/// The matrix whose rows follow each other in `v`.
+/// The matrix with the entries `v` in row-major order.
 pub(super) fn matrix_of_rows(v: &SVector<f64, 9>) -> Matrix3<f64> {
     Matrix3::from_row_slice(v.as_slice())
 }

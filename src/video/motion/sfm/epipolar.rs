@@ -1,4 +1,5 @@
-//! Matrices `M` of epipolar geometry, `m₂ᵀ M m₁ = 0`, as a consensus problem: one for all families of them.
+//! Robust estimation of matrices `M` of epipolar geometry, `m₂ᵀ M m₁ = 0`, generic over the family (essential,
+//! fundamental).
 
 use std::marker::PhantomData;
 
@@ -8,22 +9,23 @@ use super::correspondence::Correspondence;
 use super::sampson::{self, Chart};
 use plumbline_num::optim::ransac::Consensus;
 
-/// Steps of one refit inside the search: it starts near and repeats.
+/// Levenberg–Marquardt steps of one refit inside the search. A few are enough: a refit starts near its minimum and is
+/// repeated by the search.
 const REFIT_STEPS: usize = 4;
 
 /// A family of matrices with `N` free parameters, given by charts around its members.
 pub(super) trait EpipolarFamily<const N: usize>: Chart<N> + Sized {
-    /// Correspondences that determine a member, up to a few solutions.
+    /// Size of a minimal sample: correspondences that determine a member up to finitely many solutions.
     const SAMPLE: usize;
 
-    /// Pushes the members through [`Self::SAMPLE`] correspondences to `models`.
+    /// Pushes the members that satisfy [`Self::SAMPLE`] correspondences to `models`.
     fn fit_minimal(sample: &[Correspondence], models: &mut Vec<Matrix3<f64>>);
 
-    /// The chart around a member; `None` where the matrix is none.
+    /// The chart around a member; `None` if the matrix is not one.
     fn of_matrix(matrix: &Matrix3<f64>) -> Option<Self>;
 }
 
-/// Correspondences to be explained by a member of the family `C`.
+/// Consensus problem: correspondences to be explained by a member of the family `C`.
 pub(super) struct Epipolar<'a, C, const N: usize> {
     pairs: &'a [Correspondence],
     family: PhantomData<C>,
@@ -55,7 +57,7 @@ where
         C::fit_minimal(&drawn[..sample.len()], models);
     }
 
-    /// Least weighted squared Sampson distance from `start` on.
+    /// Local minimum of the weighted squared Sampson distance, from the initial guess `start`.
     fn fit_weighted(&self, weights: &[f64], start: &Matrix3<f64>) -> Option<Matrix3<f64>> {
         Some(sampson::refined(C::of_matrix(start)?, self.pairs, weights, REFIT_STEPS).matrix())
     }

@@ -1,7 +1,7 @@
-//! Essential matrices `E = [t]× R` as a consensus problem, and their refinement.
+//! Essential matrices `E = [t]× R`: robust estimation and nonlinear refinement.
 //!
-//! Minimal samples are solved by [`super::five_point()`]; a refit minimizes the Sampson distance over `R ← Exp(ω) R` and `t`
-//! moved on the unit sphere.
+//! Minimal samples are solved by [`super::five_point()`]; a refit minimizes the Sampson distance over `R ← Exp(ω) R`
+//! and `t` on the unit sphere.
 
 use nalgebra::{Matrix3, Rotation3, SVector, UnitQuaternion};
 
@@ -19,7 +19,7 @@ pub(super) struct EssentialChart {
 }
 
 impl EssentialChart {
-    /// The chart around a pose; its translation must not vanish.
+    /// The chart around a pose; its translation must be nonzero.
     pub(super) fn at(pose: &CameraPose) -> Self {
         Self { rotation: pose.rotation.to_rotation_matrix(), translation: pose.translation.normalize() }
     }
@@ -66,7 +66,7 @@ impl Chart<5> for EssentialChart {
     }
 }
 
-/// The two rotations of an essential matrix: `U W Vᵀ` and `U Wᵀ Vᵀ` with `W` a quarter turn about z.
+/// The two rotations of an essential matrix: `U W Vᵀ` and `U Wᵀ Vᵀ` with `W` a rotation by 90° about z.
 ///
 /// # Reference
 /// Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., section 9.6.2.
@@ -90,14 +90,16 @@ pub(super) fn left_null_vector(e: &Matrix3<f64>) -> Option<Vec3> {
     crossed.into_iter().max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?.try_normalize(0.0)
 }
 
-/// The pose of least weighted squared Sampson distance near `start`, its translation of length 1.
+/// Local minimum of the weighted squared Sampson distance from the initial guess `start`; the translation has length
+/// 1.
 ///
-/// `pairs` in normalized image coordinates, one weight each (zero: left out). The translation of `start` must not vanish.
+/// `pairs` in normalized image coordinates, one weight each (zero excludes a pair). The translation of `start` must be
+/// nonzero.
 pub fn refine_relative_pose(start: &CameraPose, pairs: &[Correspondence], weights: &[f64], steps: usize) -> CameraPose {
     sampson::refined(EssentialChart::at(start), pairs, weights, steps).pose()
 }
 
-/// Correspondences in normalized image coordinates explained by essential matrices.
+/// Consensus problem: correspondences in normalized image coordinates explained by essential matrices.
 pub(super) type ByEssential<'a> = Epipolar<'a, EssentialChart, 5>;
 
 impl EpipolarFamily<5> for EssentialChart {
@@ -152,7 +154,7 @@ mod tests {
                 .expect("a run that never stops")
                 .expect("a pose exists");
             let (estimate, _) = pose_of_essential(&found.model, &views.correspondences, &[true; 200]).expect("a pose");
-            // What the noise of the 120 inliers allows, to first order.
+            // First-order error bound from the noise of the 120 inliers.
             let weights: Vec<f64> = (0..200).map(|k| f64::from(k >= 80)).collect();
             let truth = sampson::normal_equations(&EssentialChart::at(&pose), &clean, &weights);
             let covariance = truth.normal.try_inverse().expect("general position") * (0.3_f64 / 576.0).powi(2);

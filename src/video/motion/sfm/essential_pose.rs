@@ -1,7 +1,7 @@
-//! The pose of an essential matrix, by the points that must lie in front of both cameras.
+//! The pose of an essential matrix, selected by the cheirality test.
 //!
-//! `E = ±[t]× R` has two rotations and two signs of `t`. A pair of rays `x₁`, `x₂` meets at depths `λ₂ x₂ = λ₁ R x₁ + t`; both
-//! are positive for one of the four poses only (*cheirality*).
+//! `E = ±[t]× R` has two rotations and two signs of `t`. A pair of rays `x₁`, `x₂` intersects at depths `λ₂ x₂ = λ₁ R
+//! x₁ + t`; both are positive for only one of the four poses (*cheirality*).
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 9.6 and 21.3.
@@ -20,9 +20,9 @@ pub fn poses_of_essential(e: &Matrix3<f64>) -> Option<[CameraPose; 4]> {
     Some([pose(a, t), pose(a, -t), pose(b, t), pose(b, -t)])
 }
 
-/// The pose of `e` with the most counted points in front of both cameras, and how many they are.
+/// The pose of `e` with the most selected points in front of both cameras, and their number.
 ///
-/// `counted` says which correspondences (normalized image coordinates) are asked. `None` for a singular matrix.
+/// `counted` selects the correspondences (normalized image coordinates) that are tested. `None` for a singular matrix.
 pub fn pose_of_essential(e: &Matrix3<f64>, pairs: &[Correspondence], counted: &[bool]) -> Option<(CameraPose, usize)> {
     let asked = |pose: &CameraPose| pairs.iter().zip(counted).filter(|(p, c)| **c && is_in_front(pose, p)).count();
     let mut best: Option<(CameraPose, usize)> = None;
@@ -35,7 +35,7 @@ pub fn pose_of_essential(e: &Matrix3<f64>, pairs: &[Correspondence], counted: &[
     best
 }
 
-/// True where the rays of a pair meet in front of both cameras.
+/// Whether the rays of a pair intersect in front of both cameras.
 pub(super) fn is_in_front(second_from_first: &CameraPose, pair: &Correspondence) -> bool {
     let (rotated, t) = (second_from_first.rotation * pair.first, second_from_first.translation);
     let crossed = pair.second.cross(&rotated);
@@ -43,7 +43,7 @@ pub(super) fn is_in_front(second_from_first: &CameraPose, pair: &Correspondence)
     -pair.second.cross(&t).dot(&crossed) > 0.0 && -rotated.cross(&t).dot(&crossed) > 0.0
 }
 
-/// Angle at which the two rays of a pair meet, rad.
+/// Triangulation angle of a pair, rad.
 pub(super) fn ray_angle(second_from_first: &CameraPose, pair: &Correspondence) -> f64 {
     let rotated: Vec3 = second_from_first.rotation * pair.first;
     rotated.cross(&pair.second).norm().atan2(rotated.dot(&pair.second))

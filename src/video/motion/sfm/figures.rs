@@ -1,4 +1,4 @@
-//! A reconstruction in figures.
+//! Quality figures of a reconstruction.
 
 use super::bundle::residuals;
 use super::mapper::WRONG_PX;
@@ -8,16 +8,16 @@ use plumbline_camera::CameraPose;
 use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
-/// Columns and rows of the cells in which coverage is counted.
+/// Columns and rows of the grid in which coverage is measured.
 const CELLS: (usize, usize) = (8, 6);
-/// Observations that a camera must explain.
+/// Minimum number of correct observations of an explained frame.
 const MIN_CORRECT: usize = 40;
-/// Fraction of the known points in view that it must explain.
+/// Minimum fraction of the known points of a frame that its camera must explain.
 const MIN_CORRECT_RATIO: f64 = 0.5;
-/// Fraction of the cells that must hold one of those.
+/// Minimum fraction of the grid cells that must contain a correct observation.
 const MIN_CELLS: f64 = 0.35;
 
-/// How good a reconstruction is.
+/// Quality figures of a reconstruction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SfmFigures {
@@ -25,29 +25,29 @@ pub struct SfmFigures {
     pub registered: usize,
     /// Frames of the shot.
     pub frames: usize,
-    /// Points with a place.
+    /// Points with a position.
     pub points: usize,
-    /// Observations of them within 3 px (at 640 px across).
+    /// Observations of those points with a residual below 3 px (at 640 px across).
     pub observations: usize,
-    /// Mean distance of those from where the cameras see them, px.
+    /// Mean residual of those observations, px.
     pub reprojection_px: f64,
-    /// Root of the mean squared distance, px.
+    /// Root mean square of these residuals, px.
     pub rms_px: f64,
-    /// Median over the points of the widest angle under which they are seen, rad.
+    /// Median over the points of the maximum triangulation angle, rad.
     pub angle: f64,
-    /// Fraction of the picture's cells that contain such an observation, mean over the frames.
+    /// Fraction of the grid cells that contain such an observation, mean over the frames.
     pub coverage: f64,
     /// Focal length, px.
     pub focal: f64,
-    /// Standard deviation of its logarithm; `None` where it was not determined.
+    /// Standard deviation of its logarithm; `None` if it was not computed.
     pub sigma_ln_focal: Option<f64>,
-    /// Observations that were predicted from other ones (`prediction.rs`).
+    /// Held-out observations that were predicted from other observations (`prediction.rs`).
     #[serde(default, alias = "foretold")]
     pub predicted: usize,
-    /// Root mean squared distance of those from where cameras and depth predicted them, px.
+    /// Root mean square held-out prediction error with cameras and depths, px.
     #[serde(default, alias = "foretold_px")]
     pub predicted_px: f64,
-    /// The same from where homographies predicted them, px.
+    /// Root mean square held-out prediction error with homographies, px.
     #[serde(default, alias = "flat_px")]
     pub homography_px: f64,
 }
@@ -87,7 +87,8 @@ pub(super) fn figures(
     })
 }
 
-/// Which frames have a camera that explains them: most of their known points, enough of them, on enough of the picture.
+/// By frame: whether its camera explains it, that is most of its known points, enough of them, over enough of the
+/// image.
 pub(super) fn explained_frames(table: &TrackTable, scene: &Scene) -> Vec<bool> {
     let wrong = WRONG_PX * table.unit_px();
     let mut frames = vec![Explained::default(); table.frames()];
@@ -102,12 +103,12 @@ pub(super) fn explained_frames(table: &TrackTable, scene: &Scene) -> Vec<bool> {
     frames.iter().map(Explained::is_enough).collect()
 }
 
-/// What a camera explains of its frame.
+/// Correct observations of a frame and their coverage.
 #[derive(Clone, Copy, Debug, Default)]
 struct Explained {
     known: usize,
     right: usize,
-    /// One bit per cell of the picture.
+    /// One bit per grid cell.
     cells: u64,
 }
 
@@ -124,7 +125,7 @@ fn cell(table: &TrackTable, x: f64, y: f64) -> usize {
     along(y, table.height, CELLS.1) * CELLS.0 + along(x, table.width, CELLS.0)
 }
 
-/// Widest angle, rad, between the anchor's ray of a point and those of the other frames that see it.
+/// Maximum angle, rad, between the anchor's ray of a point and the rays of the other frames that observe it.
 fn widest_angle(table: &TrackTable, scene: &Scene, point: usize) -> Option<f64> {
     let seen = scene.points[point]?;
     let anchor = scene.poses[seen.anchor as usize]?;

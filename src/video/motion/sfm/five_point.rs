@@ -10,8 +10,9 @@
 //! Elimination of the ten monomials of higher order in `x`, `y` leaves three equations `a(z) x + b(z) y + c(z) = 0`, whose
 //! determinant is a polynomial of degree ten in `z`. Each of its real roots gives one solution.
 //!
-//! Departure from the paper: each solution is polished by Newton's method on the cubic equations in the homogeneous
-//! coordinates of the four-dimensional space, so that neither the elimination nor a solution near `E₄ = 0` costs digits.
+//! Departure from the paper: each solution is refined by Newton's method on the cubic equations in the homogeneous
+//! coordinates of the four-dimensional space. This restores the digits lost in the elimination and for solutions near
+//! `E₄ = 0`.
 //!
 //! # Reference
 //! D. Nistér, *An efficient solution to the five-point relative pose problem*, PAMI 26(6), 2004.
@@ -22,26 +23,27 @@ use super::correspondence::{Correspondence, matrix_of_rows};
 use super::null_space::null_space;
 use super::polynomial::real_roots;
 
-/// Newton steps on each solution at most. A single root starts with three good digits or more and doubles them in each
-/// step; where two roots nearly touch, each step only halves the distance.
+/// Maximum number of Newton steps per solution. A simple root starts with at least three correct digits and doubles
+/// them in each step; near a double root each step only halves the error.
 const POLISH_STEPS: usize = 24;
 
-/// Residual of the cubic equations, for `‖E‖ = √2`, above which a root of the polynomial is no solution.
+/// Maximum residual of the cubic equations, for `‖E‖ = √2`, of an accepted solution.
 const ACCEPTED: f64 = 1e-11;
 
-/// Two matrices of norm √2 nearer than this are one solution that was found twice.
+/// Distance of two matrices of norm √2 below which they are the same solution, found twice.
 const SAME: f64 = 1e-8;
 
-/// Unit vectors at which the basis is mirrored before it is used. As it comes it is aligned with the coordinate axes, and
-/// the essential matrices of hardly turning cameras have next to no part of its last matrix, which the elimination divides
-/// by. The second mirror is for what the first one happens to bring to such a place.
+/// Unit vectors of the Householder reflections applied to the basis. The null-space basis is aligned with the
+/// coordinate axes, and the essential matrices of cameras with hardly any rotation have almost no component along its
+/// last matrix, which the elimination divides by. The second reflection handles the samples for which the first one
+/// produces such a component.
 const MIRRORS: [[f64; 4]; 2] = [[0.36, 0.48, 0.64, 0.48], [0.8, -0.4, 0.2, 0.4]];
 
 type Quadratic = [f64; 10];
 type Cubic = SVector<f64, 20>;
 type Equations = SMatrix<f64, 10, 20>;
 
-// Monomials of degree ≤ 2: x² y² z² xy xz yz x y z 1. Variable 3 stands for the constant 1.
+// Monomials of degree ≤ 2: x² y² z² xy xz yz x y z 1. Variable 3 is the constant 1.
 const LINEAR_TIMES_LINEAR: [[usize; 4]; 4] = [[0, 3, 4, 6], [3, 1, 5, 7], [4, 5, 2, 8], [6, 7, 8, 9]];
 
 // Monomials of degree ≤ 3 in the order of the paper:
@@ -59,27 +61,28 @@ const QUADRATIC_TIMES_LINEAR: [[usize; 4]; 10] = [
     [12, 15, 18, 19],
 ];
 
-/// All essential matrices, scaled to singular values `(1, 1, 0)`, that five correspondences in normalized image coordinates
-/// allow; pushed to `solutions`, at most ten, none where the five depend on each other.
+/// All essential matrices, scaled to singular values `(1, 1, 0)`, that satisfy five correspondences in normalized
+/// image coordinates. Pushed to `solutions`: at most ten, none if the five are linearly dependent.
 pub fn five_point(sample: &[Correspondence; 5], solutions: &mut Vec<Matrix3<f64>>) {
     let Some(axes) = null_space::<5, 4>(&sample.map(|c| c.epipolar_row())) else { return };
     let start = solutions.len();
     for mirror in MIRRORS {
         push_solutions(&mirrored(&axes, mirror).map(|b| matrix_of_rows(&b)), start, solutions);
-        // A real polynomial of even degree has an even number of real roots: an odd one tells that some were lost.
+        // A real polynomial of even degree has an even number of real roots: an odd number of solutions means that
+        // some were lost.
         if (solutions.len() - start).is_multiple_of(2) {
             break;
         }
     }
 }
 
-/// The basis reflected at the plane perpendicular to the unit vector `u` of its coefficients.
+/// The basis reflected in the plane perpendicular to the unit coefficient vector `u`.
 fn mirrored(axes: &[SVector<f64, 9>; 4], u: [f64; 4]) -> [SVector<f64, 9>; 4] {
     let along = axes.iter().zip(u).map(|(a, c)| a * c).sum::<SVector<f64, 9>>();
     std::array::from_fn(|k| axes[k] - along * (2.0 * u[k]))
 }
 
-/// Adds the solutions in one basis that are not among `solutions[start..]`.
+/// Appends the solutions from one basis that are not yet in `solutions[start..]`.
 fn push_solutions(basis: &[Matrix3<f64>; 4], start: usize, solutions: &mut Vec<Matrix3<f64>>) {
     let Some(reduced) = eliminated(cubic_equations(basis)) else { return };
     let system = hidden_variable_system(&reduced);
@@ -162,7 +165,8 @@ fn determinant_of_entries(e: &[[[f64; 4]; 3]; 3]) -> Cubic {
     det
 }
 
-/// Gauss–Jordan elimination with row pivoting of the first ten monomials; the rows of the last ten. `None` where singular.
+/// Gauss–Jordan elimination with row pivoting of the first ten monomials; returns the coefficients of the last ten.
+/// `None` if singular.
 fn eliminated(mut a: Equations) -> Option<SMatrix<f64, 10, 10>> {
     for k in 0..10 {
         let pivot = (k..10).max_by(|&i, &j| a[(i, k)].abs().total_cmp(&a[(j, k)].abs())).expect("rows remain");
@@ -171,7 +175,7 @@ fn eliminated(mut a: Equations) -> Option<SMatrix<f64, 10, 10>> {
         if !inverse.is_finite() {
             return None;
         }
-        // Only rows 4 to 9 are needed afterwards: rows above are not reduced.
+        // Only rows 4 to 9 are used afterwards: the rows above are not reduced.
         for i in (4..k).chain(k + 1..10) {
             let factor = a[(i, k)] * inverse;
             for j in k + 1..20 {
@@ -247,7 +251,7 @@ fn polished(basis: &[Matrix3<f64>; 4], mut v: Vector4<f64>) -> Option<Vector4<f6
         if residual < 1e-15 {
             break;
         }
-        // The row v of the normal matrix forbids steps along the ray, which change nothing.
+        // The row v of the normal matrix excludes steps along v, under which the equations are homogeneous.
         let mut normal: Matrix4<f64> = v * v.transpose();
         let mut gradient = Vector4::zeros();
         let slopes = basis.map(|d| {
@@ -295,7 +299,7 @@ mod tests {
                 assert!(five.iter().all(|c| c.second.dot(&(e * c.first)).abs() < 1e-10), "seed {seed}");
             }
             let best = solutions.iter().map(|e| distance(e, &views.essential())).fold(f64::INFINITY, f64::min);
-            // Where two solutions nearly touch, half of the digits of both are lost, whatever the method.
+            // Near a double root half of the digits of both solutions are lost, by any method.
             missed += usize::from(!(best < 1e-6));
         }
         assert_eq!(missed, 0);
@@ -322,7 +326,7 @@ mod tests {
             five_point(&five, &mut solutions);
             differing += usize::from(solutions.len() != real);
         }
-        // Touching roots may be counted either way by either method.
+        // Nearly double roots may be counted once or twice by either method.
         assert!(differing <= 3, "{differing} of 300");
     }
 

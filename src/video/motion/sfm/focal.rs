@@ -1,29 +1,30 @@
-//! The focal length that many frame pairs share.
+//! Estimation of one focal length common to many image pairs.
 //!
-//! Image coordinates have their origin at the center of projection and any unit, that of `f`. Pair `k` is explained by
-//! `Fₖ = K⁻¹ [tₖ]× Rₖ K⁻¹`, `K = diag(f, f, 1)`, and
+//! Image coordinates are relative to the principal point, in any unit, which is also that of `f`. The model of pair
+//! `k` is `Fₖ = K⁻¹ [tₖ]× Rₖ K⁻¹`, `K = diag(f, f, 1)`, and the estimate is
 //!
 //! ```text
 //! min  Σₖ Σᵢ ρ(rᵢ(Fₖ)²)      over all poses (Rₖ, tₖ) and one ln f,
 //! ```
 //!
-//! `r` Sampson's distance in the image, where the noise is the same whatever `f` is. The poses are eliminated pair by pair: a
-//! pair contributes to the equation for `ln f` its information `hₖ` and its gradient `gₖ`,
+//! with `r` the Sampson distance in the image, where the noise does not depend on `f`. The poses are eliminated pair
+//! by pair (Schur complement): a pair contributes to the equation for `ln f` its information `hₖ` and its gradient
+//! `gₖ`,
 //!
 //! ```text
 //! hₖ = c − bᵀ A⁻¹ b,   gₖ = γ − bᵀ A⁻¹ a,      [A b; bᵀ c] and (a, γ) its normal equations for (pose, ln f).
 //! ```
 //!
-//! A pair whose gradient departs from the others' by more than its noise allows is weighted down (Cauchy). The initial guess is
-//! the focal length that makes the fundamental matrices essential ([`super::view_graph_focal()`]).
+//! A pair whose gradient deviates by more than its noise explains is down-weighted (Cauchy). The initial guess is the
+//! focal length for which the fundamental matrices are closest to essential ([`super::view_graph_focal()`]).
 //!
-//! Two other initial guesses were tried beside it, of which the least energy decided: a sweep of focal lengths over essential
-//! matrices, and the median of closed forms. Of 46 clips and made-up shots they changed four visibly, three for the
-//! worse and none for the better: where pairs hardly determine the focal length, the least energy is far from the truth
-//! (`docs/ABLATIONS.md`).
+//! Two further initial guesses were tried, with the lowest energy selecting the result: a sweep of focal lengths over
+//! essential matrices, and the median of closed forms. Of 46 clips and synthetic shots they changed four visibly,
+//! three for the worse and none for the better: where pairs hardly determine the focal length, the lowest energy is
+//! far from the truth (`docs/ABLATIONS.md`).
 //!
-//! The uncertainty is the larger of what noise alone gives, `σ/√Σhₖ`, and what the disagreement of the pairs gives,
-//! `√Σgₖ² / Σhₖ`.
+//! The standard deviation is the larger of that from noise alone, `σ/√Σhₖ`, and that from the disagreement of the
+//! pairs (sandwich estimator), `√Σgₖ² / Σhₖ`.
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 11.4.3 and A6.3; P. Huber, *Robust statistics*, 1981,
@@ -40,50 +41,52 @@ use plumbline_camera::Vec3;
 use plumbline_num::optim::ransac::{MsacOptions, msac};
 use plumbline_num::run::{Run, Stopped};
 
-/// Damped Gauss–Newton steps of the joint refinement at most; it ends earlier where no step lowers the energy any more.
+/// Maximum number of damped Gauss–Newton steps of the joint refinement; it ends earlier if no step decreases the
+/// energy.
 const MAX_STEPS: usize = 30;
 
-/// Fewest correspondences of a pair that is asked.
+/// Minimum number of correspondences of a pair that is used.
 const MIN_CORRESPONDENCES: usize = 16;
 
-/// Largest change of `ln f` in one step: beyond it the poses no longer follow.
+/// Maximum change of `ln f` in one step: at a larger change the linearized poses no longer follow.
 const MAX_STEP: f64 = 0.15;
 
-/// Pull, in standard deviations, at which a pair has half its voice.
+/// Normalized gradient of a pair, in standard deviations, at which its Cauchy weight is one half.
 const PAIR_SCALE: f64 = 3.0;
 
 /// Settings of [`estimate_focal`], in the unit of the image coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FocalOptions {
-    /// Distance at which a correspondence is an outlier, > 0.
+    /// Residual at which a correspondence is an outlier, > 0.
     pub threshold: f64,
-    /// Least and largest focal length allowed.
+    /// Minimum and maximum focal length.
     pub range: (f64, f64),
-    /// Seed of the searches.
+    /// Seed of the random sampling.
     pub seed: u64,
 }
 
 impl FocalOptions {
-    /// 0.4 to 4 widths, from fisheyes to telephoto lenses, and a tolerance of two pixels at 640, for a frame `width` units wide.
+    /// Range 0.4 to 4 widths, from fisheyes to telephoto lenses, and an outlier threshold of two pixels at 640, for a
+    /// frame `width` units wide.
     pub fn for_width(width: f64) -> Self {
         Self { threshold: 2.0 / 640.0 * width, range: (0.4 * width, 4.0 * width), seed: 0 }
     }
 }
 
-/// A focal length and how well it is known.
+/// A focal length and its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FocalEstimate {
     /// `f`, in the unit of the image coordinates.
     pub focal: f64,
     /// Standard deviation of `ln f`.
     pub sigma_ln: f64,
-    /// Pairs that took part.
+    /// Number of pairs used.
     pub pairs: usize,
 }
 
-/// Estimates the focal length from frame pairs with parallax, each a list of correspondences.
+/// Estimates the focal length from image pairs with parallax, each a list of correspondences.
 ///
-/// `None` where no pair has enough correspondences or none determines the focal length.
+/// `None` if no pair has enough correspondences or none determines the focal length.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -95,7 +98,7 @@ pub fn estimate_focal(
     run.complete(estimated(pairs, options, run))
 }
 
-/// The estimate; anything where the run ended on the way.
+/// The estimate; unspecified if the run was interrupted.
 fn estimated(pairs: &[Vec<Correspondence>], options: &FocalOptions, run: &Run) -> Option<FocalEstimate> {
     let usable: Vec<&[Correspondence]> =
         pairs.iter().map(Vec::as_slice).filter(|p| p.len() >= MIN_CORRESPONDENCES).collect();
@@ -106,7 +109,7 @@ fn estimated(pairs: &[Vec<Correspondence>], options: &FocalOptions, run: &Run) -
     Joint::new(&usable, initial, options, run)?.refined(options).estimate(options)
 }
 
-/// The fundamental matrix of a pair, by robust search in coordinates of size about 1.
+/// The fundamental matrix of a pair, by robust search in coordinates scaled to about 1.
 fn fundamental(pair: &[Correspondence], options: &FocalOptions, run: &Run) -> Option<Matrix3<f64>> {
     let unit = (options.range.0 * options.range.1).sqrt();
     let scaled: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / unit)).collect();
@@ -169,7 +172,7 @@ struct Joint<'a> {
     energy: f64,
 }
 
-/// What one pair says about `ln f`, its pose eliminated.
+/// Contribution of one pair to the equation for `ln f`, its pose eliminated.
 struct Vote {
     inverse: SMatrix<f64, 5, 5>,
     by_pose: SVector<f64, 5>,
@@ -221,7 +224,7 @@ impl<'a> Joint<'a> {
         Some(Vote { inverse, by_pose, coupling, information, pull: sum.gradient[5] - by_pose.dot(&reduced) })
     }
 
-    /// The variance of one residual, from the correspondences within the threshold.
+    /// Variance of one residual, from the correspondences within the threshold.
     fn variance(&self, threshold: f64) -> f64 {
         let (mut count, mut sum) = (0.0, 0.0);
         for (k, pair) in self.pairs.iter().enumerate() {
@@ -238,7 +241,7 @@ impl<'a> Joint<'a> {
         sum / f64::max(count, 1.0)
     }
 
-    /// Voice of a pair: less for one that pulls harder than its noise explains.
+    /// Robust weight of a pair: lower if its gradient is larger than its noise explains.
     fn voice(vote: &Vote, variance: f64) -> f64 {
         let squared = vote.pull * vote.pull / (vote.information * variance).max(f64::MIN_POSITIVE);
         1.0 / (1.0 + squared / (PAIR_SCALE * PAIR_SCALE))
@@ -280,7 +283,7 @@ impl<'a> Joint<'a> {
         next
     }
 
-    /// The estimate with its uncertainty; pairs that disagree are heard less in a last step.
+    /// The estimate with its standard deviation; pairs that disagree are down-weighted in a last step.
     fn estimate(&self, options: &FocalOptions) -> Option<FocalEstimate> {
         let variance = self.variance(options.threshold);
         let votes: Vec<Vote> = (0..self.pairs.len()).filter_map(|k| self.vote(k, options.threshold, 0.0)).collect();
@@ -317,7 +320,7 @@ mod tests {
     use super::*;
     use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
 
-    /// Pairs of a camera of focal length `f` widths with noise of 0.3 px at 640 and a tenth of outliers.
+    /// Pairs of a camera of focal length `f` widths with noise of 0.3 px at 640 and 10 % outliers.
     fn walk(f: f64, count: usize, seed: u64) -> Vec<Vec<Correspondence>> {
         let mut rng = fastrand::Rng::with_seed(seed);
         let pair = |_| {

@@ -1,9 +1,10 @@
-//! Fundamental matrices: seven points, eight points, and as a consensus problem.
+//! Fundamental matrices: the seven-point and eight-point algorithms, and robust estimation.
 //!
-//! Seven pairs leave a pencil `F = a F₁ + F₂` with `x₂ᵀ F x₁ = 0`; `det F = 0` is a cubic in `a`, homogeneously solved. Eight or
-//! more pairs give `F` by least algebraic squares, then rank two by dropping the smallest singular value. Both work in
-//! coordinates with centroid 0 and mean square distance 2. A refit inside the search minimizes the Sampson distance over
-//! `F = U diag(1, s, 0) Vᵀ`, `U` and `V` turned and `s` moved.
+//! Seven pairs leave a pencil `F = a F₁ + F₂` with `x₂ᵀ F x₁ = 0`; `det F = 0` is a cubic in `a`, solved in
+//! homogeneous form. Eight or more pairs give `F` by linear least squares of the algebraic error, with rank two
+//! enforced by setting the smallest singular value to zero. Both work in normalized coordinates, with centroid 0 and
+//! mean square distance 2. A refit inside the search minimizes the Sampson distance over `F = U diag(1, s, 0) Vᵀ`,
+//! with rotation updates of `U` and `V` and a shift of `s`.
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 11.1 to 11.4.
@@ -18,8 +19,8 @@ use super::sampson::Chart;
 use plumbline_camera::Vec3;
 use plumbline_num::math::Vec2;
 
-/// All fundamental matrices of unit norm through seven pairs, pushed to `solutions`: one to three, none where the seven
-/// depend on each other. Any affine image coordinates.
+/// All fundamental matrices of unit norm that satisfy seven pairs, in any affine image coordinates. Pushed to
+/// `solutions`: one to three, none if the seven are linearly dependent.
 pub fn seven_point(sample: &[Correspondence; 7], solutions: &mut Vec<Matrix3<f64>>) {
     let Some((first, second)) = normalizing(sample, &[1.0; 7]) else { return };
     let rows = sample.map(|c| Correspondence { first: first * c.first, second: second * c.second }.epipolar_row());
@@ -36,8 +37,8 @@ pub fn seven_point(sample: &[Correspondence; 7], solutions: &mut Vec<Matrix3<f64
     }
 }
 
-/// The fundamental matrix of least weighted algebraic squares, of rank two and unit norm; `None` where fewer than eight pairs
-/// carry weight or the solution is not unique.
+/// The fundamental matrix of minimum weighted algebraic error, of rank two and unit norm; `None` if fewer than eight
+/// pairs have nonzero weight or the solution is not unique.
 pub fn eight_point(pairs: &[Correspondence], weights: &[f64]) -> Option<Matrix3<f64>> {
     let (first, second) = normalizing(pairs, weights)?;
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
@@ -56,7 +57,7 @@ pub fn eight_point(pairs: &[Correspondence], weights: &[f64]) -> Option<Matrix3<
     Some(f / f.norm())
 }
 
-/// Affine maps of the two views' points to centroid 0 and mean square distance 2.
+/// Normalizing transformations of the points of the two views to centroid 0 and mean square distance 2.
 fn normalizing(pairs: &[Correspondence], weights: &[f64]) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
     let total: f64 = weights.iter().sum();
     let of = |point: fn(&Correspondence) -> Vec2| {
@@ -115,7 +116,8 @@ impl Chart<7> for FundamentalChart {
     }
 }
 
-/// Correspondences in any affine image coordinates, of size about 1, explained by fundamental matrices.
+/// Consensus problem: correspondences in any affine image coordinates, scaled to about 1, explained by fundamental
+/// matrices.
 pub(super) type ByFundamental<'a> = Epipolar<'a, FundamentalChart, 7>;
 
 impl EpipolarFamily<7> for FundamentalChart {

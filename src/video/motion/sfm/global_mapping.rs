@@ -1,10 +1,10 @@
-//! Global mapping: the rotations of all keyframes at once, then all centers at once, without a seed.
+//! Global mapping: rotation averaging, then global positioning of all keyframes, without an initial pair.
 //!
-//! The relative rotations of all pairs are averaged ([`super::average_rotations`]), the centers are found from the directions in
-//! which points are seen ([`super::positioning`]), and the map that follows is adjusted as any other. It serves where no map that
-//! grows over the shot ([`super::mapper`]) is accepted: `nus-regular-2` has cameras in space (RMS 0.54 px), without it a rotation
-//! only (1.17 px). It does not serve alone: of made-up shots with more than a fifth of wrong observations it loses four
-//! (`docs/ABLATIONS.md`).
+//! The relative rotations of all pairs are averaged ([`super::average_rotations`]), the centers are estimated from the
+//! directions of the observations ([`super::positioning`]), and the resulting map is bundle-adjusted as any other. It
+//! is the fallback if no incrementally grown map ([`super::mapper`]) is accepted: `nus-regular-2` has cameras in space
+//! (RMS 0.54 px), without it a rotation only (1.17 px). It is not sufficient alone: of synthetic shots with more than
+//! a fifth of wrong observations it loses four (`docs/ABLATIONS.md`).
 //!
 //! # Reference
 //! L. Pan, D. Baráth, M. Pollefeys, J. Schönberger, *Global structure-from-motion revisited*, ECCV 2024.
@@ -17,10 +17,11 @@ use super::{AveragedRotations, Observation, TrackTable};
 use plumbline_camera::{CameraPose, Point3};
 use plumbline_num::run::{Run, Stopped};
 
-/// Keyframes that must see a point for it to constrain their centers: two determine the point and nothing else.
+/// Minimum number of keyframes that observe a point for it to constrain their centers: two only determine the point
+/// itself.
 const MIN_VIEWS: usize = 3;
 
-/// The rotations on which most pairs of the keyframes agree.
+/// Rotations of the keyframes, averaged over the pairs.
 fn averaged(keys: &[usize], edges: &[Edge], run: &Run) -> Result<AveragedRotations, Stopped> {
     let row = |frame: usize| keys.binary_search(&frame).ok();
     let measured = edges.iter().filter_map(|e| {
@@ -34,7 +35,7 @@ fn averaged(keys: &[usize], edges: &[Edge], run: &Run) -> Result<AveragedRotatio
     average_rotations(keys.len(), &measured.collect::<Vec<_>>(), run)
 }
 
-/// Places the keyframes' cameras in the empty `mapper` at once; false where the pairs do not connect them.
+/// Adds all keyframe cameras to the empty `mapper` at once; false if the pairs do not connect them.
 pub(super) fn map_globally(
     table: &TrackTable,
     mapper: &mut Mapper<'_>,

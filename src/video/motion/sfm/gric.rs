@@ -1,16 +1,16 @@
-//! Choice between models of different dimension by Torr's geometric robust information criterion.
+//! Model selection between models of different dimension: the geometric robust information criterion (GRIC, Torr).
 //!
 //! ```text
 //! GRIC = Σᵢ min(rᵢ²/σ², λ₃ (4 − d)) + λ₁ d n + λ₂ k,     λ₁ = ln 4, λ₂ = ln 4n, λ₃ = 2.
 //! ```
 //!
-//! `d` is the dimension of the set of pairs that a model allows among the four coordinates of a pair, `k` the number of its
-//! parameters. The least score explains the data best; scores compare under one `σ` only.
+//! `d` is the dimension of the model's manifold in the four-dimensional space of pair coordinates, `k` the number of
+//! its parameters. The model of lowest score is selected; scores are comparable only under one `σ`.
 //!
 //! # Reference
 //! P. Torr, *Bayesian model estimation and selection for epipolar geometry and generic manifold fitting*, IJCV 50(1), 2002.
 
-/// What a model allows: dimension of its set of pairs, number of parameters.
+/// Size of a model: dimension of its manifold of pairs, number of parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ModelSize {
     /// `d`.
@@ -22,7 +22,7 @@ pub struct ModelSize {
 impl ModelSize {
     /// A homography.
     pub const HOMOGRAPHY: Self = Self { dimension: 2, parameters: 8 };
-    /// The homography of a camera that turns, its focal length free.
+    /// The homography of a rotating camera with unknown focal length.
     pub const ROTATION: Self = Self { dimension: 2, parameters: 4 };
     /// An essential matrix.
     pub const ESSENTIAL: Self = Self { dimension: 3, parameters: 5 };

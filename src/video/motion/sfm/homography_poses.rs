@@ -1,8 +1,8 @@
-//! Poses of a calibrated homography.
+//! Decomposition of a calibrated homography into poses.
 //!
-//! Two views of the plane `n·x = d` in the first camera are related by `H ∝ R + (t/d) nᵀ`, scaled so that its middle singular
-//! value is 1. With `HᵀH = V diag(σ₁², 1, σ₃²) Vᵀ`, two planes through `v₂` are mapped without change of length; on
-//! each of them `H` acts as a rotation, which gives two rotations, and with the sign of the normal four solutions.
+//! Two views of the plane `n·x = d` in the first camera are related by `H ∝ R + (t/d) nᵀ`, scaled so that its middle
+//! singular value is 1. With `HᵀH = V diag(σ₁², 1, σ₃²) Vᵀ`, two planes through `v₂` are mapped isometrically; on each
+//! of them `H` acts as a rotation. This gives two rotations, and with the sign of the normal four solutions.
 //!
 //! # Reference
 //! Y. Ma, S. Soatto, J. Košecká, S. Sastry, *An Invitation to 3-D Vision*, Springer 2004, section 5.3.3; E. Malis, M. Vargas,
@@ -13,19 +13,20 @@ use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion};
 use super::correspondence::Correspondence;
 use plumbline_camera::{CameraPose, Vec3};
 
-/// `σ₁ − σ₃` below which a homography is a rotation: the plane's normal is lost in rounding.
+/// `σ₁ − σ₃` below which a homography is a pure rotation: the plane's normal is then rounding error.
 const ROTATION: f64 = 1e-9;
 
-/// One way in which a plane can have been seen.
+/// One solution of the decomposition: pose and plane normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarPose {
     /// `second_from_first`, the translation in units of the plane's distance from the first camera.
     pub pose: CameraPose,
-    /// Unit normal of the plane in the first camera, away from it: `n·x > 0` for its points in front.
+    /// Unit normal of the plane in the first camera, pointing away from it: `n·x > 0` for points in front.
     pub normal: Vec3,
 }
 
-/// `H` scaled to middle singular value 1 and to keep points in front; `None` for a singular matrix or without points.
+/// `H` scaled to middle singular value 1, with the sign that keeps points in front; `None` for a singular matrix or
+/// without points.
 pub fn calibrated_homography(h: &Matrix3<f64>, pairs: &[Correspondence], counted: &[bool]) -> Option<Matrix3<f64>> {
     let squared = SymmetricEigen::new(h.transpose() * h).eigenvalues;
     let middle = squared.sum() - squared.max() - squared.min();
@@ -41,9 +42,10 @@ pub fn calibrated_homography(h: &Matrix3<f64>, pairs: &[Correspondence], counted
     (middle > 0.0 && ahead + behind > 0).then(|| h / scale)
 }
 
-/// All decompositions of a homography scaled by [`calibrated_homography`]: four, or one without translation for a rotation.
+/// All decompositions of a homography scaled by [`calibrated_homography`]: four, or one without translation for a
+/// rotation.
 ///
-/// Opposite normals come in pairs; the points choose ([`visible_planar_poses`]).
+/// Opposite normals come in pairs; the points select among them ([`visible_planar_poses`]).
 pub fn poses_of_homography(h: &Matrix3<f64>) -> Vec<PlanarPose> {
     let eigen = SymmetricEigen::new(h.transpose() * h);
     let mut order = [0, 1, 2];
@@ -71,7 +73,7 @@ pub fn poses_of_homography(h: &Matrix3<f64>) -> Vec<PlanarPose> {
     poses
 }
 
-/// The decompositions whose plane lies in front of the first camera at the counted points (most of them): one or two.
+/// The decompositions for which most of the counted points are in front of the first camera: one or two.
 pub fn visible_planar_poses(h: &Matrix3<f64>, pairs: &[Correspondence], counted: &[bool]) -> Vec<PlanarPose> {
     let asked = || pairs.iter().zip(counted).filter(|(_, c)| **c);
     let half = asked().count() / 2;
@@ -92,7 +94,7 @@ mod tests {
             let mut rng = fastrand::Rng::with_seed(seed);
             let pose = random_pose(&mut rng, 0.3, 1.0);
             let views = TwoViews::planar(pose, 30, &mut rng);
-            // n·x = d in the first camera, as the synthetic plane is made.
+            // n·x = d in the first camera, the plane of the synthetic points.
             let plane = Vec3::new(0.3, -0.4, 1.0);
             let (n, d) = (plane.normalize(), 6.0 / plane.norm());
             let h = pose.rotation.to_rotation_matrix().matrix() + pose.translation * n.transpose() / d;

@@ -1,7 +1,7 @@
-//! Homographies between two views as a consensus problem, however far the camera turned.
+//! Robust estimation of homographies between two views, for rotations of any size.
 //!
-//! The four points of a sample give eight linear equations in the nine entries of `H`; a refit minimizes the first-order
-//! distance of [`super::rotation_fit`] over eight of the entries, the largest one fixed.
+//! The four correspondences of a sample give eight linear equations in the nine entries of `H`; a refit minimizes the
+//! first-order geometric distance of [`super::rotation_fit`] over eight of the entries, the largest one fixed.
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 4.1 and 4.2.6.
@@ -13,10 +13,11 @@ use super::null_space::null_space;
 use super::rotation_fit::{homography_squared_distance, transfer_error};
 use plumbline_num::optim::ransac::Consensus;
 
-/// Gauss–Newton steps of one refit inside the search: it starts near and repeats.
+/// Gauss–Newton steps of one refit inside the search. A few are enough: a refit starts near its minimum and is
+/// repeated by the search.
 const REFIT_STEPS: usize = 3;
 
-/// Correspondences in normalized image coordinates explained by homographies.
+/// Consensus problem: correspondences in normalized image coordinates explained by homographies.
 pub(super) struct ByPlane<'a>(pub(super) &'a [Correspondence]);
 
 impl Consensus for ByPlane<'_> {
@@ -57,8 +58,8 @@ impl Consensus for ByPlane<'_> {
     }
 }
 
-/// The homography of unit norm through four pairs that keeps all four in front; `None` where three lie on a line or the
-/// picture would be mirrored.
+/// The homography of unit norm of four pairs that keeps all four in front; `None` if three are collinear or the
+/// homography reverses orientation.
 fn homography_of_four_rays(sample: &[Correspondence; 4]) -> Option<Matrix3<f64>> {
     let mut rows = [SVector::<f64, 9>::zeros(); 8];
     for (k, c) in sample.iter().enumerate() {
@@ -75,7 +76,7 @@ fn homography_of_four_rays(sample: &[Correspondence; 4]) -> Option<Matrix3<f64>>
     (depths.iter().all(|d| d * depths[0] > 0.0) && h.determinant() > 0.0).then_some(h)
 }
 
-/// All places of a matrix but one.
+/// Indices of all entries of a matrix but one.
 fn free_entries(fixed: (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
     (0..9).map(|k| (k / 3, k % 3)).filter(move |entry| *entry != fixed)
 }

@@ -1,14 +1,14 @@
-//! Two segments that share frames become one.
+//! Merging of two overlapping segments.
 //!
-//! The cameras `B_i` of the shared frames, and the points that both know, are laid over the `A_i` by a similarity `S`:
-//!
+//! The cameras `B_i` of the shared frames, and the points common to both, are aligned with the `A_i` by a similarity
+//! `S`:
 //! ```text
 //! R = argmin Σ ‖A_iᵀ B_i − R‖²,     s = median z_A(X) / z_B(X),     t = mean (c_A − s R c_B)
 //! ```
 //!
-//! The scale comes from depths `z` of common points, not from the way between the cameras: a short overlap of a slow walk
-//! is a short way, but its points are as deep as ever. Over the inner half of the shared frames the cameras pass from `A_i`
-//! to `S B_i` in even motion, so that a difference between them is nowhere a jump.
+//! The scale comes from depths `z` of common points, not from the baseline of the cameras: over a short overlap of a
+//! slow walk the baseline is short, but the depths are as large as ever. Over the inner half of the shared frames the
+//! cameras are interpolated from `A_i` to `S B_i`, so that the joined path has no jump.
 
 use std::ops::Range;
 
@@ -16,25 +16,26 @@ use super::{Segment, SfmFigures, SfmVerdict};
 use crate::motion::FrameCamera;
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Similarity3, Vec3, align};
 
-/// Frames that must know both cameras.
+/// Minimum number of frames with a camera in both segments.
 const MIN_SHARED: usize = 10;
-/// Points that must be known to both.
+/// Minimum number of points known to both segments.
 const MIN_POINTS: usize = 20;
-/// Difference of the joined cameras, px at 640 px across, that is not drawn together: as much as an observation may be wrong.
+/// Maximum difference of the joined cameras, px at 640 px across: the threshold of a wrong observation.
 const MAX_PX: f64 = 3.0;
-/// Share of the shared frames on either side in which one of the two counts alone: the ends of a window know least.
+/// Fraction of the shared frames at either end in which the weight of one segment is 1: cameras at the ends of a
+/// window are the least accurate.
 const SOLO_FRACTION: f64 = 0.25;
 
-/// How well two segments fit.
+/// Alignment of two segments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fit {
-    /// From the second one's world to the first one's.
+    /// From the world of the second to the world of the first.
     pub(super) similarity: Similarity3,
-    /// Root mean squared difference of the shared cameras, px: turns, and shifts at the median depth.
+    /// Root mean square difference of the shared cameras, px: rotations, and translations at the median depth.
     pub(super) residual_px: f64,
 }
 
-/// Lays `second` over `first`; `None` where they share too little or are not of one kind.
+/// Aligns `second` with `first`; `None` if they share too little or have different verdicts.
 pub(super) fn fit(first: &Segment, second: &Segment) -> Option<Fit> {
     if first.verdict != second.verdict || !first.verdict.has_cameras() {
         return None;
@@ -67,12 +68,12 @@ pub(super) fn fit(first: &Segment, second: &Segment) -> Option<Fit> {
     residual_px.is_finite().then_some(Fit { similarity, residual_px })
 }
 
-/// Frames of both.
+/// Frames in both segments.
 pub(super) fn overlap(first: &Segment, second: &Segment) -> Range<usize> {
     first.frames.start.max(second.frames.start)..first.frames.end.min(second.frames.end)
 }
 
-/// Places in the second and the first world of the points that both know.
+/// Positions, in the second and the first world, of the points known to both.
 fn common_points(first: &Segment, second: &Segment) -> Vec<(Point3, Point3)> {
     let in_first = |id: u32| first.points.binary_search_by_key(&id, |p| p.0).ok().map(|k| first.points[k].1);
     second.points.iter().filter_map(|(id, position)| Some((*position, in_first(*id)?))).collect()
@@ -92,12 +93,12 @@ fn scale_and_depth(points: &[(Point3, Point3)], pairs: &[(CameraPose, CameraPose
     Some((scale, ratios.select_nth_unstable_by(middle, |x, y| x.1.total_cmp(&y.1)).1.1))
 }
 
-/// Whether the difference is small enough not to be seen in a picture `unit_px` times 640 px across.
+/// Whether the difference is too small to be visible in a picture `unit_px` times 640 px across.
 pub(super) fn is_seamless(fit: &Fit, unit_px: f64) -> bool {
     fit.residual_px <= MAX_PX * unit_px
 }
 
-/// One segment of two.
+/// Merges two aligned segments.
 pub(super) fn joined(first: &Segment, second: &Segment, fit: &Fit) -> Segment {
     let shared = overlap(first, second);
     let frames = first.frames.start..second.frames.end.max(first.frames.end);
@@ -116,7 +117,7 @@ pub(super) fn joined(first: &Segment, second: &Segment, fit: &Fit) -> Segment {
     segment
 }
 
-/// 0 where the first of two cameras counts alone, 1 where the second one does.
+/// Blend weight of the second camera: 0 for the first camera alone, 1 for the second alone.
 fn blend_weight(frame: usize, shared: &Range<usize>) -> f64 {
     let along = (frame as f64 + 0.5 - shared.start as f64) / shared.len() as f64;
     let inner = ((along - SOLO_FRACTION) / (1.0 - 2.0 * SOLO_FRACTION)).clamp(0.0, 1.0);
@@ -130,7 +131,7 @@ fn between(a: &FrameCamera, b: &FrameCamera, weight: f64) -> FrameCamera {
     FrameCamera { pose: a.pose.toward(&b.pose, weight), intrinsics }
 }
 
-/// The points of both, by track; halfway where both know one.
+/// The points of both, by track; the midpoint for points known to both.
 fn united(first: &[(u32, Point3)], second: &[(u32, Point3)], similarity: &Similarity3) -> Vec<(u32, Point3)> {
     let mut all: Vec<(u32, Point3)> = first.to_vec();
     all.extend(second.iter().map(|(id, position)| (*id, similarity.apply(position))));
@@ -145,7 +146,7 @@ fn united(first: &[(u32, Point3)], second: &[(u32, Point3)], similarity: &Simila
     all
 }
 
-/// Figures of a whole from those of its parts, `shared` frames of which are in both.
+/// Figures of the merged segment from those of its parts, which have `shared` frames in common.
 fn pooled(a: &SfmFigures, b: &SfmFigures, shared: usize) -> SfmFigures {
     let own = 1.0 - shared as f64 / b.frames.max(1) as f64;
     let (n, m) = (a.observations as f64, own * b.observations as f64);
@@ -176,7 +177,7 @@ mod tests {
     use super::*;
     use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
 
-    /// A part of a made-up walk, in a world that a similarity leads to.
+    /// A part of a synthetic walk, in a world transformed by a similarity.
     fn part(frames: Range<usize>, world: &Similarity3) -> Segment {
         let shot = Shot::new(&ShotOptions { seed: 3, frames: 60, course: Course::Walk, ..ShotOptions::default() });
         let scene = &shot.truth;
@@ -229,7 +230,7 @@ mod tests {
     #[test]
     fn a_difference_is_spread_over_the_shared_frames() {
         let (first, mut second) = (part(0..40, &here()), part(20..60, &here()));
-        // Half of the shared frames of the second one are turned, so that no similarity explains them.
+        // Half of the shared frames of the second one are rotated, so that no similarity explains them.
         let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.0, 2e-3, 0.0));
         for camera in second.cameras.iter_mut().skip(10).flatten() {
             camera.pose = CameraPose::looking_from(camera.pose.center(), turn * camera.pose.rotation);

@@ -1,8 +1,9 @@
-//! Keyframes: frames far enough apart that depth shows between them.
+//! Keyframe selection: frames with sufficient parallax between them.
 //!
-//! Rotation moves every point whatever its depth, so it is taken out first: the rotation `R` of least robust
-//! `Σ ρ(∠(R m₁, m₂))` between the rays of a pair; what is left in the picture is *parallax*. A new keyframe starts where the
-//! median parallax passes 1.5 % of the width, where too few points of the last keyframe live on, or after 20 frames.
+//! Rotation moves every point independently of its depth, so it is removed first: the rotation `R` minimizes the
+//! robust `Σ ρ(∠(R m₁, m₂))` between the rays of a pair; the remaining displacement in the image is *parallax*. A new
+//! keyframe starts when the median parallax exceeds 1.5 % of the width, when too few points of the last keyframe
+//! survive, or after 20 frames.
 
 use nalgebra::{Matrix3, Rotation3};
 
@@ -11,15 +12,15 @@ use plumbline_camera::rotation::nearest_rotation;
 use plumbline_camera::{Intrinsics, Vec3};
 use plumbline_num::math::median;
 
-/// Median parallax, share of the picture's width, at which a keyframe starts.
+/// Median parallax, as a fraction of the image width, that starts a new keyframe.
 const MIN_PARALLAX: f64 = 0.015;
-/// Share of the last keyframe's points below which one starts.
+/// Fraction of surviving points of the last keyframe below which a new keyframe starts.
 const MIN_SURVIVORS: f64 = 0.6;
-/// Most frames between keyframes.
+/// Maximum number of frames between keyframes.
 const MAX_GAP: usize = 20;
-/// Frames with fewer points are no keyframes.
+/// Minimum number of points of a keyframe.
 const MIN_POINTS: usize = 20;
-/// Rounds of reweighting: a mover on a third of the points is forgotten within four.
+/// Iterations of reweighting: four suffice to reject a mover with a third of the points.
 const ITERATIONS: usize = 6;
 
 /// Indices of the keyframes of a shot, ascending; the first and the last usable frame are among them.
@@ -32,7 +33,7 @@ pub(super) fn keyframes(table: &TrackTable, camera: &Intrinsics) -> Vec<usize> {
         let key = keys[keys.len() - 1];
         let shared = table.shared(key, frame);
         let alive = shared.len() as f64 / table.in_frame(key).len() as f64;
-        // Beyond an abrupt loss of points the frame before is the last one that both sides see.
+        // At an abrupt loss of points the previous frame is the last one with points from both sides.
         if alive < 0.5 * MIN_SURVIVORS && last_usable > key {
             keys.push(last_usable);
         }
@@ -50,7 +51,7 @@ pub(super) fn keyframes(table: &TrackTable, camera: &Intrinsics) -> Vec<usize> {
     keys
 }
 
-/// Median displacement, px, that no rotation of the camera explains.
+/// Median displacement, px, after removal of the camera rotation.
 pub(super) fn parallax(matches: &[Match], camera: &Intrinsics) -> f64 {
     let rays: Vec<(Vec3, Vec3)> = matches
         .iter()
@@ -61,7 +62,8 @@ pub(super) fn parallax(matches: &[Match], camera: &Intrinsics) -> f64 {
     median(&mut apart).unwrap_or(0.0)
 }
 
-/// The rotation that turns the first ray of each pair to the second, by Geman–McClure reweighting around the median.
+/// The rotation from the first to the second ray of each pair, by Geman–McClure reweighting at the scale of the
+/// median.
 pub(super) fn rotation_between(rays: &[(Vec3, Vec3)]) -> Rotation3<f64> {
     let mut weights = vec![1.0; rays.len()];
     let mut rotation = Rotation3::identity();
@@ -89,7 +91,7 @@ mod tests {
         Intrinsics::centered(576.0, 640, 360)
     }
 
-    /// Points at depth 4 to 8 seen by a camera at `x` that looks `yaw` aside; every third one wanders by itself.
+    /// Points at depth 4 to 8 seen by a camera at `x` with rotation `yaw`; every third point moves independently.
     fn view(x: f64, yaw: f64, movers: bool) -> Vec<(u32, Point2)> {
         let turn = Rotation3::new(Vec3::new(0.0, yaw, 0.0));
         let mut random = fastrand::Rng::with_seed(3);

@@ -1,9 +1,10 @@
-//! Incremental mapping: from two views with depth between them, keyframe by keyframe, to the cameras of a whole shot.
+//! Incremental mapping: from an initial pair with parallax, keyframe by keyframe, to the cameras of a whole shot.
 //!
-//! A keyframe next to the map is *resected*: its pose is predicted from the motion of its neighbors and then searched
-//! among the points it sees. New points are triangulated, the newest cameras adjusted, and the whole map whenever it has
-//! grown by a third. The focal length is held until the map has real baseline ([`FREED`] keyframes): freed on two or three
-//! views it runs away. What fits the map in too few of its observations is no part of the static scene and is left out.
+//! A keyframe adjacent to the map is registered by *resection*: its pose is predicted from the motion of its neighbors
+//! and then optimized on the points it observes. New points are triangulated, the newest cameras adjusted (local
+//! bundle adjustment), and the whole map whenever it has grown by a third (global bundle adjustment). The focal length
+//! is fixed until the map has enough baseline ([`FREED`] keyframes): with two or three views it diverges. Points with
+//! too large a fraction of outlier observations are not part of the static scene and are removed.
 
 use super::absolute_pose::absolute_pose;
 use super::bundle::{BundleError, BundleOptions, BundleReport, Freedom, RobustFit, adjust, refine_points, residuals};
@@ -18,33 +19,36 @@ use plumbline_num::optim::levenberg_marquardt::DampingOptions;
 use plumbline_num::optim::ransac::MsacOptions;
 use plumbline_num::run::{Run, Stopped};
 
-/// Keyframes from which on focal length and distortion are unknowns.
+/// Number of keyframes from which on focal length and distortion are free: with two or three views the focal length
+/// diverges.
 const FREED: usize = 8;
-/// Newest keyframes that are adjusted after each registration.
+/// Number of newest keyframes in the local adjustment after each registration. Without a local adjustment one synthetic shot
+/// (`m02`) loses its 22 frames with cameras (`docs/ABLATIONS.md`).
 const LOCAL: usize = 5;
-/// Growth of the map after which all of it is adjusted.
+/// Growth factor of the map, by a third, that triggers a global adjustment.
 const GROWTH: f64 = 1.34;
-/// Points that a registration rests on, at least.
+/// Minimum number of inlier points of a registration.
 pub(super) const MIN_INLIERS: usize = 20;
-/// Share of them among the known points that a frame sees, at least.
+/// Minimum fraction of inliers among the known points that a frame observes.
 const MIN_SUPPORT: f64 = 0.4;
-/// Share from which on the pose near the predicted one is taken without a search: no other one has as much.
+/// Fraction of inliers from which on the pose near the predicted one is accepted without a robust search: no other
+/// pose can have as many.
 const CLEAR_SUPPORT: f64 = 0.8;
-/// Reprojection error of a wrong observation, px at 640 px across.
+/// Reprojection error, px at 640 px across, above which an observation is an outlier.
 pub(super) const WRONG_PX: f64 = 3.0;
 /// Standard deviation of an observation in x and in y, px at 640 px across.
 const SIGMA_PX: f64 = 0.5;
-/// Fraction of outlier observations above which a point is not taken to be static.
+/// Fraction of outlier observations above which a point is not static.
 const MAX_OUTLIER_RATIO: f64 = 0.3;
-/// Inverse depth, relative to the median, below which a point serves resection as if it were that far.
+/// Minimum inverse depth in resection, relative to the median: points farther away are used at this depth.
 const MIN_INVERSE_DEPTH: f64 = 1e-3;
 
-/// Share of the cost by which a step must lower it to be followed by another while the map grows: what is left is found again.
+/// Relative cost decrease below which the solver stops while the map grows: later adjustments recover the remainder.
 const GROWING: f64 = 1e-3;
-/// The same when it is complete.
+/// The same for a complete map.
 pub(super) const GROWN: f64 = 1e-4;
 
-/// What is known of the lens beforehand.
+/// Prior on the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LensPrior {
     /// Standard deviation of `ln f`.
@@ -53,39 +57,39 @@ pub(super) struct LensPrior {
     pub(super) sigma_k1: f64,
 }
 
-/// What a last adjustment is free to change, and how long it searches.
+/// Free parameters and tolerance of a final adjustment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Last {
-    /// The readout is unknown too.
+    /// Estimate the readout time.
     pub(super) rolling: bool,
-    /// Cameras turn only.
+    /// Rotations only, no translations.
     pub(super) rotation_only: bool,
-    /// The uncertainty of the focal length is asked for.
+    /// Compute the standard deviation of the focal length.
     pub(super) uncertainty: bool,
     pub(super) iterations: usize,
     pub(super) tolerance: f64,
 }
 
 impl Last {
-    /// Enough to tell wrong points from right ones.
+    /// Tolerance sufficient to separate outliers from inliers.
     pub(super) const ROUGH: Self =
         Self { rolling: false, rotation_only: false, uncertainty: false, iterations: 8, tolerance: 1e-3 };
-    /// To the end: a step that gains less stays within the uncertainty of what it moves.
+    /// Final tolerance: further steps stay within the standard deviations of the parameters.
     pub(super) const FINE: Self =
         Self { rolling: false, rotation_only: false, uncertainty: true, iterations: 40, tolerance: 3e-5 };
 }
 
-/// A map that grows.
+/// A growing map.
 #[derive(Clone)]
 pub(super) struct Mapper<'a> {
     table: &'a TrackTable,
     lens: LensPrior,
     start: Intrinsics,
-    /// Frames that may be registered, ascending.
+    /// Frames that can be registered, ascending.
     frames: Vec<usize>,
     /// Their observations.
     observations: Vec<Observation>,
-    /// Points that were found not to be still.
+    /// By point: found not to be static.
     banned: Vec<bool>,
     pub(super) scene: Scene,
     run: &'a Run,
@@ -113,13 +117,13 @@ impl<'a> Mapper<'a> {
         mapper
     }
 
-    /// Admits further frames for registration.
+    /// Adds frames to those that can be registered.
     pub(super) fn admit(&mut self, frames: &[usize]) {
         self.frames = frames.to_vec();
         self.observations = frames.iter().flat_map(|&f| self.table.in_frame(f).iter().copied()).collect();
     }
 
-    /// Starts from two frames with a known relative pose; false where they do not carry a map.
+    /// Initializes the map from two frames with a known relative pose; false if they do not support a map.
     pub(super) fn seed(&mut self, first: usize, second: usize, second_from_first: CameraPose) -> Result<bool, Stopped> {
         self.scene.poses[first] = Some(CameraPose::identity());
         self.scene.poses[second] = Some(second_from_first);
@@ -127,7 +131,7 @@ impl<'a> Mapper<'a> {
         Ok(self.adjust_all(false, GROWING)?.is_some() && self.known_points() >= MIN_INLIERS)
     }
 
-    /// Registers keyframes outward from those known until none is left that can be.
+    /// Registers keyframes outward from the known ones until no further one can be registered.
     pub(super) fn extend(&mut self) -> Result<(), Stopped> {
         let mut adjusted = self.registered().len();
         let (mut blocked_below, mut blocked_above) = (false, false);
@@ -160,7 +164,7 @@ impl<'a> Mapper<'a> {
         Ok(())
     }
 
-    /// A frame between known ones that is not known.
+    /// An unknown frame between known ones.
     fn gap(&self, known: &[usize]) -> Option<usize> {
         self.frames
             .iter()
@@ -173,7 +177,7 @@ impl<'a> Mapper<'a> {
         self.frames.iter().copied().filter(|&f| self.scene.poses[f].is_some()).collect()
     }
 
-    /// Whether a point was found not to be still.
+    /// Whether a point was found not to be static.
     pub(super) fn is_banned(&self, point: usize) -> bool {
         self.banned[point]
     }
@@ -182,7 +186,7 @@ impl<'a> Mapper<'a> {
         self.scene.points.iter().flatten().count()
     }
 
-    /// Finds the pose of a frame from the points it sees; false where they do not agree on one.
+    /// Estimates the pose of a frame from the known points it observes; false if they do not agree on one.
     pub(super) fn register(&mut self, frame: usize) -> Result<bool, Stopped> {
         let points = self.point_rays(frame);
         if points.len() < MIN_INLIERS {
@@ -208,7 +212,7 @@ impl<'a> Mapper<'a> {
         Ok(true)
     }
 
-    /// Known points that a frame sees.
+    /// 2D–3D correspondences of a frame with the known points.
     fn point_rays(&self, frame: usize) -> Vec<PointRay> {
         let nearest = self.farthest_inverse_depth();
         let point_ray = |o: &Observation| {
@@ -227,7 +231,7 @@ impl<'a> Mapper<'a> {
         median(&mut depths).map_or(1.0, |depth| MIN_INVERSE_DEPTH * depth)
     }
 
-    /// Where the camera would be at `frame` had it moved on, or between its neighbors.
+    /// Predicted pose at `frame`: interpolated between known neighbors, or extrapolated from the last motion.
     fn predicted(&self, frame: usize) -> Option<CameraPose> {
         let known = |f: &usize| self.scene.poses[*f].is_some();
         let before = (0..frame).rev().find(known);
@@ -243,7 +247,7 @@ impl<'a> Mapper<'a> {
         Some(pose_a.toward(&pose_b, fraction))
     }
 
-    /// Gives a place to every point that enough known frames see.
+    /// Triangulates every point observed by enough known frames.
     pub(super) fn triangulate_new(&mut self) -> Result<(), Stopped> {
         for point in 0..self.table.points() {
             self.run.check()?;
@@ -274,7 +278,7 @@ impl<'a> Mapper<'a> {
         })
     }
 
-    /// Adjusts the newest frame, its nearest known neighbors and the points they see.
+    /// Local bundle adjustment: the newest frame, its nearest known neighbors and the points they observe.
     fn adjust_around(&mut self, frame: usize) -> Result<(), Stopped> {
         let mut known = self.registered();
         known.sort_by_key(|f| f.abs_diff(frame));
@@ -287,11 +291,11 @@ impl<'a> Mapper<'a> {
         let fixed_frames = rest.iter().map(|&f| f as u32).collect();
         let options =
             BundleOptions { fixed_frames, fit: self.fit(6, 1e-2), uncertainty: false, ..BundleOptions::default() };
-        // A failure leaves the scene as it was; the next adjustment of the whole map meets the same data again.
+        // On failure the scene is unchanged; the next global adjustment uses the same data again.
         unless_stopped(adjust(&mut self.scene, &near, &options, self.run)).map(drop)
     }
 
-    /// Adjusts everything; with `lens` also focal length and distortion.
+    /// Global bundle adjustment; with `lens` also of focal length and distortion.
     pub(super) fn adjust_all(&mut self, lens: bool, tolerance: f64) -> Result<Option<BundleReport>, Stopped> {
         let mut options =
             BundleOptions { fit: self.fit(30, tolerance), uncertainty: false, ..BundleOptions::default() };
@@ -303,13 +307,13 @@ impl<'a> Mapper<'a> {
         unless_stopped(adjust(&mut self.scene, &self.observations, &options, self.run))
     }
 
-    /// Observations of the map's points, some `per_frame` in each frame, with the scene they belong to.
+    /// A sample of about `per_frame` observations per frame of the map's points, with the scene they belong to.
     pub(super) fn sample(&self, per_frame: usize) -> Sample {
         Sample::of(self.table, &self.scene, per_frame)
     }
 
-    /// Adjusts a sample of a complete map, lens included, from near its best; its points are placed first, each alone: pieces
-    /// have never been.
+    /// Adjusts a sample of a complete map, lens included, from near its optimum. Its points are first refined one by
+    /// one: the pieces of cut tracks have never been optimized.
     pub(super) fn finish(&self, sample: &mut Sample, last: Last) -> Result<Option<BundleReport>, Stopped> {
         let placed = refine_points(&mut sample.scene, &sample.observations, &self.placing(), self.run);
         if unless_stopped(placed)?.is_none() {
@@ -327,20 +331,21 @@ impl<'a> Mapper<'a> {
         unless_stopped(adjust(&mut sample.scene, &sample.observations, &options, self.run))
     }
 
-    /// Takes the cameras of an adjusted sample and places all points among them.
+    /// Takes the cameras of an adjusted sample and refines all points with these cameras fixed.
     pub(super) fn take_cameras(&mut self, sample: Sample) -> Result<(), Stopped> {
         self.scene = Scene { points: std::mem::take(&mut self.scene.points), ..sample.scene };
         let fit = self.placing();
-        // A failure leaves the points where they were: those that no longer fit are discarded by their residuals.
+        // On failure the points are unchanged: those that no longer fit are removed by their residuals.
         unless_stopped(refine_points(&mut self.scene, &self.observations, &fit, self.run)).map(drop)
     }
 
-    /// How points are placed among given cameras.
+    /// Options for the refinement of points with fixed cameras.
     fn placing(&self) -> RobustFit {
         RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(8, 1e-3) }
     }
 
-    /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.
+    /// Length of a px at 640 px across: the accuracy of tracks is relative to the picture they are tracked in, which
+    /// has that size.
     fn unit_px(&self) -> f64 {
         f64::from(self.table.width.max(self.table.height)) / 640.0
     }
@@ -350,7 +355,7 @@ impl<'a> Mapper<'a> {
         RobustFit { sigma_px: SIGMA_PX * self.unit_px(), damping, ..RobustFit::default() }
     }
 
-    /// Leaves out the points that too few of their observations confirm.
+    /// Removes the points of which too large a fraction of the observations are outliers.
     pub(super) fn discard_wrong(&mut self) {
         let unit = self.unit_px();
         let residuals = residuals(&self.scene, &self.observations);
@@ -365,7 +370,7 @@ impl<'a> Mapper<'a> {
     }
 }
 
-/// What was found, none where that failed; a stop is no failure.
+/// The result, `None` on failure; an interruption is passed on.
 fn unless_stopped<T>(found: Result<T, BundleError>) -> Result<Option<T>, Stopped> {
     match found {
         Err(BundleError::Interrupted(stopped)) => Err(stopped),
@@ -373,7 +378,7 @@ fn unless_stopped<T>(found: Result<T, BundleError>) -> Result<Option<T>, Stopped
     }
 }
 
-/// Of two frames outside `low..=high` the nearer one.
+/// The nearer of two frames outside `low..=high`.
 fn nearer(below: Option<usize>, above: Option<usize>, low: usize, high: usize) -> Option<usize> {
     match (below, above) {
         (Some(b), Some(a)) => Some(if low - b < a - high { b } else { a }),

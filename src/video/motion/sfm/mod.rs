@@ -1,4 +1,4 @@
-//! Structure from motion: the cameras of a clip and the points they saw, from tracks alone.
+//! Structure from motion: the cameras of a clip and the scene points, from tracks alone.
 
 mod absolute_pose;
 pub mod bundle;

@@ -1,17 +1,19 @@
-//! Orthonormal null space of a few rows, by Gram and Schmidt's method applied twice.
+//! Orthonormal null space of a few rows, by the Gram–Schmidt process with reorthogonalization.
 //!
-//! The squared matrix `AᵀA` of a decomposition would lose half of the digits; here the rows themselves are made orthonormal
-//! and the remaining dimensions are filled from the coordinate axes that stand out most.
+//! A decomposition of the squared matrix `AᵀA` would lose half of the digits. Here the rows themselves are
+//! orthonormalized, and the remaining dimensions are filled from the coordinate axes with the largest perpendicular
+//! component.
 //!
 //! # Reference
 //! L. Giraud, J. Langou, M. Rozložník, *The loss of orthogonality in the Gram–Schmidt process*, 2005 ("twice is enough").
 
 use nalgebra::SVector;
 
-/// A row whose part perpendicular to the rows before is below this share of its length depends on them.
+/// A row is linearly dependent on the previous ones if its perpendicular component is below this fraction of its
+/// length.
 const DEPENDENT: f64 = 1e-9;
 
-/// An orthonormal basis of `{x ∈ ℝ⁹ : rᵢ·x = 0}`, `K = 9 − rows` vectors; `None` where the rows depend on each other.
+/// An orthonormal basis of `{x ∈ ℝ⁹ : rᵢ·x = 0}`, `K = 9 − rows` vectors; `None` if the rows are linearly dependent.
 pub(super) fn null_space<const ROWS: usize, const K: usize>(
     rows: &[SVector<f64, 9>; ROWS],
 ) -> Option<[SVector<f64, 9>; K]> {
@@ -26,7 +28,7 @@ pub(super) fn null_space<const ROWS: usize, const K: usize>(
         basis[k] = perpendicular(&(rest / rest.norm()), &basis[..k]).normalize();
     }
     for k in ROWS..9 {
-        // The axis that is represented least: its perpendicular part has squared length 1 − Σ bᵢ², at least K/9 at first.
+        // The axis with the largest perpendicular component, of squared length 1 − Σ bᵢ²: at least K/9 at first.
         let covered = |axis: usize| basis[..k].iter().map(|b| b[axis] * b[axis]).sum::<f64>();
         let axis = (0..9).min_by(|&a, &b| covered(a).total_cmp(&covered(b))).expect("nine axes");
         let mut unit = SVector::<f64, 9>::zeros();
@@ -52,7 +54,7 @@ mod tests {
         for value in rows.iter_mut().flat_map(|r| r.iter_mut()) {
             *value = rng.f64() - 0.5;
         }
-        // Two nearly parallel rows are where one pass of Gram–Schmidt would fail.
+        // For two nearly parallel rows a single Gram–Schmidt pass would fail.
         rows[1] = rows[0] + 1e-6 * rows[1];
         let basis: [SVector<f64, 9>; 4] = null_space(&rows).expect("independent");
         for (i, b) in basis.iter().enumerate() {

@@ -1,24 +1,24 @@
 //! Real roots of polynomials of low degree.
 //!
-//! Between two neighboring roots of `p′` a polynomial `p` is monotone: it has one root there or none, told by the signs at
-//! both ends. The roots of `p`, degree by degree from its last derivative upwards, are thus bracketed without any division
-//! of polynomials, and Newton's method inside a bracket finds each to the last digit. Roots outside `[−1, 1]` are the
-//! inverses of those of the reversed polynomial inside, so that nothing overflows.
+//! Between two adjacent roots of `p′` a polynomial `p` is monotone: it has one root there or none, decided by the
+//! signs at both ends. Proceeding degree by degree from the last derivative upwards, this brackets all roots of `p`
+//! without polynomial division, and Newton's method inside each bracket converges to the last digit. Roots outside
+//! `[−1, 1]` are the inverses of the roots of the reversed polynomial inside, which avoids overflow.
 //!
 //! # Reference
 //! C. Yuksel, *High-Performance Polynomial Root Finding for Graphics*, HPG 2022.
 
 use plumbline_num::math::polynomial::{value, value_and_slope};
 
-/// Highest degree that [`real_roots`] takes.
+/// Maximum degree supported by [`real_roots`].
 pub(super) const MAX_DEGREE: usize = 10;
 
-/// Newton steps of one bracket at most; each that does not halve the bracket is replaced by a bisection.
+/// Maximum number of Newton steps per bracket; a step that does not halve the bracket is replaced by a bisection.
 const MAX_STEPS: usize = 80;
 
-/// A value at a stationary point below this share of `Σ|cₖ|` counts as a touching (double) root. Coefficients come out of
-/// eliminations that cost up to nine digits; too small a share loses the double roots that they lift off the axis, too
-/// large a one gives false roots, which callers must refuse where that matters.
+/// A value at a stationary point below this fraction of `Σ|cₖ|` counts as a double root. The coefficients come from
+/// eliminations that cost up to nine digits. Too small a fraction misses double roots that this error shifts off the
+/// axis; too large a fraction adds false roots, which callers must reject where they matter.
 const TOUCHING: f64 = 1e-6;
 
 /// Roots of one polynomial, in no particular order.
@@ -44,8 +44,8 @@ impl Roots {
     }
 }
 
-/// Real roots of `Σ cₖ zᵏ` with `c[k]` the coefficient of `zᵏ`, up to degree [`MAX_DEGREE`]; none of the zero polynomial.
-/// A touching root comes once, or twice where rounding lifts it apart.
+/// Real roots of `Σ cₖ zᵏ` with `c[k]` the coefficient of `zᵏ`, up to degree [`MAX_DEGREE`]; none for the zero
+/// polynomial. A double root is returned once, or twice if rounding splits it.
 pub(super) fn real_roots(c: &[f64]) -> Roots {
     debug_assert!(!c.is_empty() && c.len() <= MAX_DEGREE + 1);
     if c.iter().all(|&k| k == 0.0) {
@@ -57,7 +57,7 @@ pub(super) fn real_roots(c: &[f64]) -> Roots {
     reversed.copy_from_slice(c);
     reversed.reverse();
     for &u in roots_within_one(reversed).as_slice() {
-        // |u| = 1 was found above; u = 0 is a root at infinity: a vanishing leading coefficient.
+        // |u| = 1 was found above; u = 0 is a root at infinity, from a zero leading coefficient.
         if u.abs() < 1.0 && u != 0.0 {
             roots.push(1.0 / u);
         }
@@ -105,7 +105,7 @@ fn bracketed_roots(c: &[f64], stationary: &[f64], touching: bool) -> Roots {
     roots
 }
 
-/// The root of a monotone piece: Newton's method that never leaves the bracket `[low, high]`.
+/// The root of a monotone interval: Newton's method safeguarded by the bracket `[low, high]`.
 fn newton_in_bracket(c: &[f64], mut low: f64, mut high: f64, rising: bool) -> f64 {
     let mut z = 0.5 * (low + high);
     let mut width = high - low;

@@ -1,18 +1,20 @@
-//! Where cameras of known rotations stood, from the directions in which they saw points: all at once, from no start.
+//! Global positioning: centers of cameras with known rotations from the directions of their observations, without an
+//! initial guess.
 //!
-//! A camera `i` with center `c_i` sees the point `X_j` in the direction `v_ij` (world axes, unit length). Sought are centers
-//! and points of least
+//! A camera `i` with center `c_i` observes the point `X_j` in the direction `v_ij` (world axes, unit length). The
+//! centers and points minimize
 //!
 //! ```text
 //! Σ ρ(‖v_ij − d_ij (X_j − c_i)‖²),    d_ij ≥ 0,
 //! ```
 //!
-//! which no baseline between pairs of cameras enters, and in which far points weigh no more than near ones. With the
-//! `d_ij` given this is linear, and the same for all three coordinates; points are eliminated, and a weighted graph
-//! Laplacian of the cameras is left. The search alternates from `d_ij = 1`, all points at one distance, and ends with steps
-//! in which each `d_ij` follows its point: `d = v·y/‖y‖²`, `y = X − c`, whose residuals change by `−d (1 − y yᵀ/‖y‖²)` alone.
+//! The energy contains no baselines between pairs of cameras, and far points have no more weight than near ones. For
+//! fixed `d_ij` it is linear least squares with the same matrix for all three coordinates; eliminating the points
+//! leaves a weighted graph Laplacian of the cameras. The search alternates between both, from `d_ij = 1` (all points
+//! at one distance). It ends with Levenberg–Marquardt steps in which each `d_ij` is eliminated: `d = v·y/‖y‖²`, `y = X
+//! − c`, with the residual derivative `−d (1 − y yᵀ/‖y‖²)`.
 //!
-//! Departure from the paper: it starts from random positions and leaves all of this to a general solver.
+//! Departure from the paper: it uses random initial positions and a general nonlinear solver.
 //!
 //! # Reference
 //! L. Pan, D. Baráth, M. Pollefeys, J. Schönberger, *Global structure-from-motion revisited*, ECCV 2024, section 3.2.
@@ -25,25 +27,25 @@ use plumbline_num::math::median;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
 use plumbline_num::run::{Run, Stopped};
 
-/// Rounds of alternation: they bring the cameras into order, not to rest.
+/// Iterations of alternation: they bring the cameras near the solution, the last search converges.
 const ITERATIONS: usize = 60;
-/// Length of the residual, `sin` of an angle at most, from which on it counts linearly: that of the paper.
+/// Huber threshold on the length of the residual, which is at most the `sin` of an angle: the value of the paper.
 const HUBER: f64 = 0.1;
-/// Least `d`, relative to that of a typical point: one seen from behind is let go.
+/// Minimum `d`, relative to that of a typical point: limits the influence of a point behind its camera.
 const MIN_DISTANCE: f64 = 1e-3;
-/// The last steps, in radians of residual.
+/// Damping and termination of the last search; residuals are in radians.
 const LAST: DampingOptions = DampingOptions { lambda: 1e-4, tolerance: 1e-7, floor: 0.0, max_iterations: 25 };
 
-/// A point seen by a camera.
+/// Bearing of a point from a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bearing {
     pub(super) camera: usize,
-    /// `v`, unit length, axes of the world.
+    /// `v`, unit length, in world axes.
     pub(super) direction: Vec3,
 }
 
-/// Centers of `cameras` cameras from the bearings of each point, the first center in the origin and points at a distance of
-/// about 1; `None` where the bearings do not connect the cameras.
+/// Centers of `cameras` cameras from the bearings of each point. Gauge: the first center is the origin, points are at
+/// a distance of about 1. `None` if the bearings do not connect the cameras.
 pub(super) fn centers_of_bearings(
     cameras: usize,
     points: &[Vec<Bearing>],
@@ -74,7 +76,7 @@ struct Positions {
 }
 
 impl Positions {
-    /// `d` of every bearing, the typical distance brought to 1.
+    /// Updates `d` of every bearing and normalizes the typical distance to 1.
     fn rescale(&mut self, points: &[Vec<Bearing>], scales: &mut [Vec<f64>]) {
         let mut distances: Vec<f64> = Vec::new();
         for (position, seen) in self.points.iter().zip(points) {
@@ -90,7 +92,7 @@ impl Positions {
         }
     }
 
-    /// Centers and points that are best under the given `d`.
+    /// Solves for centers and points with `d` fixed.
     fn solve(&mut self, points: &[Vec<Bearing>], scales: &[Vec<f64>]) -> Option<()> {
         let n = self.centers.len();
         let (mut laplacian, mut right) = (DMatrix::<f64>::zeros(n, n), DMatrix::<f64>::zeros(n, 3));
@@ -114,7 +116,7 @@ impl Positions {
                 (0..3).for_each(|c| right[(*i, c)] += pull[c]);
             }
         }
-        // The first camera stays in the origin.
+        // Gauge: the first camera is fixed at the origin.
         let free = laplacian.view((1, 1), (n - 1, n - 1)).into_owned();
         let found = free.cholesky()?.solve(&right.rows(1, n - 1).into_owned());
         for i in 1..n {
@@ -128,20 +130,20 @@ impl Positions {
     }
 }
 
-/// The best `d` for `y`, not below [`MIN_DISTANCE`].
+/// The optimal `d` for `y`, at least [`MIN_DISTANCE`].
 fn scale(y: &Vec3, direction: &Vec3) -> f64 {
     let best = direction.dot(y) / y.norm_squared();
     if best > MIN_DISTANCE { best } else { MIN_DISTANCE }
 }
 
-/// The last search, every `d` at its best.
+/// The last search, with every `d` eliminated.
 struct Positioning<'a> {
     points: &'a [Vec<Bearing>],
     present: Positions,
     trial: Positions,
     hessian: DMatrix<f64>,
     gradient: DVector<f64>,
-    /// Of each point: its own block, and the coupling to each of its cameras.
+    /// Per point: its own block, its gradient, and the coupling to each of its cameras.
     blocks: Vec<(Matrix3<f64>, Vec3, Vec<Matrix3<f64>>)>,
 }
 
@@ -198,6 +200,7 @@ impl DampedProblem for Positioning<'_> {
         for k in 0..size {
             reduced[(k, k)] *= 1.0 + lambda;
         }
+        // Eliminate the points (Schur complement), keeping their inverse blocks for the back substitution.
         let mut right = -&self.gradient;
         let mut inverses = Vec::with_capacity(self.blocks.len());
         for ((own, slope, couplings), seen) in self.blocks.iter().zip(self.points) {
@@ -213,11 +216,12 @@ impl DampedProblem for Positioning<'_> {
             }
             inverses.push(inverse);
         }
-        // The first camera stays in the origin; the scale is left to the damping.
+        // Gauge: the first camera is fixed at the origin; the scale is constrained by the damping alone.
         let free = reduced.view((3, 3), (size - 3, size - 3)).into_owned();
         let step = free.cholesky()?.solve(&right.rows(3, size - 3).into_owned());
         let step =
             |camera: usize| if camera == 0 { Vec3::zeros() } else { step.fixed_rows::<3>(3 * camera - 3).into_owned() };
+        // Trial centers, then points by back substitution, with the decrease that the damped model predicts.
         let mut predicted = 0.0;
         for i in 1..self.present.centers.len() {
             let (moved, diagonal) = (step(i), self.hessian.fixed_view::<3, 3>(3 * i, 3 * i).diagonal());
@@ -242,7 +246,7 @@ impl DampedProblem for Positioning<'_> {
     }
 }
 
-/// What the damped model expects of a block of the step.
+/// Decrease that the damped model predicts for a block of the step.
 fn gain(lambda: f64, diagonal: &Vec3, step: &Vec3, gradient: &Vec3) -> f64 {
     0.5 * step.dot(&(lambda * diagonal.component_mul(step) - gradient))
 }
@@ -253,7 +257,7 @@ mod tests {
     use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions, path_error};
     use plumbline_camera::{CameraPose, Point3};
 
-    /// Bearings of every fourth frame of a made-up shot, its cameras' rotations known.
+    /// Bearings in every fourth frame of a synthetic shot, with the true camera rotations.
     fn bearings(shot: &Shot) -> Vec<Vec<Bearing>> {
         let mut points = vec![Vec::new(); shot.truth.points.len()];
         for o in shot.observations.iter().filter(|o| o.frame % 4 == 0) {

@@ -1,17 +1,18 @@
-//! Whether depth predicts what was not used to find it.
+//! Held-out validation: whether depth predicts observations that were not used to estimate it.
 //!
-//! Low residuals prove no cameras: with a depth for every track a turning camera, too, is explained to the noise by a
-//! translation that is made up. What is made up, however, does not foretell where a point goes next. A frame `s` and a later
-//! frame `t` share tracks; every second one is held out, and its position in `t` is predicted twice from its position in `s`:
+//! Low residuals do not prove correct cameras: with one depth per track, a spurious translation explains even a
+//! rotating camera down to the noise. A spurious model, however, does not predict where a point moves next. A frame
+//! `s` and a later frame `t` share tracks; every second one is held out, and its position in `t` is predicted twice
+//! from its position in `s`:
 //!
-//! - in space, `Y = R_ts m + w t_ts`, where `w` is triangulated from the frames up to `s` alone and the camera of `t` is found
-//!   from the other tracks alone;
-//! - by the homography from `s` to `t` that fits the other tracks best, the most that a scene without depth, or a camera
-//!   that only turns, can move like.
+//! - in space, `Y = R_ts m + w t_ts`, with `w` triangulated from the frames up to `s` alone and the camera of `t`
+//!   estimated from the other tracks alone;
+//! - by the homography from `s` to `t` that fits the other tracks best, the most general motion of a scene without
+//!   depth, or of a camera that only rotates.
 //!
-//! Both are found by the same robust search, and misses count up to the same limit, as things that move by themselves miss
-//! under both. The motion of the camera during the readout is known
-//! to the one, and its turn undone beforehand for the other.
+//! Both are estimated by the same robust search. Prediction errors are truncated at the same limit, because
+//! independently moving objects have large errors under both. The motion of the camera during the readout is part of
+//! the first prediction; for the second its rotation is removed from the observations beforehand.
 
 use rayon::prelude::*;
 
@@ -27,33 +28,33 @@ use plumbline_num::math::{Point2, Vec2};
 use plumbline_num::optim::ransac::{MsacOptions, msac};
 use plumbline_num::run::{Run, Stopped};
 
-/// Pairs of frames that are asked, spread over the shot.
+/// Number of frame pairs that are evaluated, spread over the shot.
 const PAIRS: usize = 24;
-/// Frames between the two of a pair, at most: a smooth path looks about as far ahead.
+/// Maximum number of frames between the two of a pair: path smoothing looks about as far ahead.
 const MAX_GAP: usize = 40;
-/// Share of the tracks of the first frame that the second one must still see.
+/// Minimum fraction of the tracks of the first frame that the second one still observes.
 const SURVIVORS: f64 = 0.4;
-/// Neighbors on either side that a frame of a pair has, to tell how it moves during the readout.
+/// Neighbors on either side that a frame of a pair must have, to determine its motion during the readout.
 const AROUND: usize = 2;
-/// Frames up to the first one of the pair that a held-out track must have been seen in.
+/// Minimum number of frames up to the first one of the pair in which a held-out track is observed.
 const MIN_KNOWN: usize = 8;
-/// Inverse depth, in the unit of the scene, below which a point serves as if it were that far.
+/// Minimum inverse depth, in the unit of the scene: points farther away are used at this depth.
 const MIN_INVERSE_DEPTH: f64 = 1e-6;
-/// Tracks that fit, and tracks that judge, each at least.
+/// Minimum number of tracks to fit, and of held-out tracks.
 const MIN_TRACKS: usize = 12;
 
-/// Distance of held-out observations from their predictions.
+/// Prediction error of held-out observations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Prediction {
-    /// Observations that were predicted.
+    /// Number of predicted observations.
     pub(super) observations: usize,
-    /// Root mean squared miss in space, px, single misses counted up to 3 px at 640 px across.
+    /// Root mean square prediction error in space, px; single errors are truncated at 3 px at 640 px across.
     pub(super) space_px: f64,
-    /// The same by homographies.
+    /// The same with homographies.
     pub(super) plane_px: f64,
 }
 
-/// Predicts held-out observations of a shot; none where too few tracks live long enough.
+/// Predicts held-out observations of a shot; zero observations if too few tracks are long enough.
 pub(super) fn predict(table: &TrackTable, scene: &Scene, run: &Run) -> Result<Prediction, Stopped> {
     let frames = table.frames();
     let last = frames.saturating_sub(AROUND + 1);
@@ -71,7 +72,7 @@ pub(super) fn predict(table: &TrackTable, scene: &Scene, run: &Run) -> Result<Pr
     run.complete(Prediction { observations: total.count, space_px: px(total.space), plane_px: px(total.plane) })
 }
 
-/// Squared misses, normalized image coordinates.
+/// Sums of squared prediction errors, normalized image coordinates.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     count: usize,
@@ -79,18 +80,18 @@ struct Sums {
     plane: f64,
 }
 
-/// Two frames and the tracks that they share.
+/// Two frames and their common tracks.
 struct Pair<'a> {
     table: &'a TrackTable,
     first: (usize, CameraPose),
     second: (usize, CameraPose),
-    /// Those that fit, and those that judge.
+    /// The tracks to fit; the held-out tracks follow.
     fit: Vec<Match>,
     held_out: Vec<Match>,
 }
 
 impl<'a> Pair<'a> {
-    /// The pair that starts at a frame and reaches as far as enough of its tracks do.
+    /// The pair from a first frame to the last frame that enough of its tracks reach.
     fn from(table: &'a TrackTable, scene: &Scene, first: usize) -> Option<Self> {
         let seen = table.in_frame(first).len() as f64;
         let enough = |shared: &Vec<Match>| shared.len() as f64 >= SURVIVORS * seen;
@@ -131,14 +132,14 @@ impl<'a> Pair<'a> {
         (sums.count > 0).then_some(sums)
     }
 
-    /// The camera of the second frame, from the tracks that fit alone.
+    /// The camera of the second frame, estimated from the tracks to fit alone.
     fn camera(&self, scene: &Scene, options: &MsacOptions, run: &Run) -> Option<CameraPose> {
         let observation = |m: &Match| {
             let point = scene.points[m.point as usize]?;
             let anchor = scene.poses[point.anchor as usize]?;
             let row = Row::of(scene, self.second.0, m.second)?;
             let depth = 1.0 / point.inverse_depth.max(MIN_INVERSE_DEPTH);
-            // Where the camera, had it stood still during the readout, would have to see the point.
+            // Observation of the point as it would be without camera motion during the readout.
             let moved = self.second.1.inverse() * row.pose * anchor.inverse();
             Some(PointRay { point: moved.apply(&Point3::from(point.direction() * depth)), ray: row.seen })
         };
@@ -147,7 +148,7 @@ impl<'a> Pair<'a> {
         Some(absolute_pose(&known, &vec![1.0; known.len()], options, Some(self.second.1), &mut rng, run).ok()??.model)
     }
 
-    /// Inverse depth in the first frame, by what that frame and those before it saw.
+    /// Inverse depth in the first frame, triangulated from observations up to that frame.
     fn inverse_depth(&self, scene: &Scene, point: u32, anchor: &Row) -> Option<f64> {
         let from_anchor = anchor.pose.inverse();
         let before = self.table.of_point(point as usize).take_while(|o| (o.frame as usize) < self.first.0);
@@ -160,7 +161,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// An observation with the camera at the time when its row was read.
+/// An observation with the camera pose at the capture time of its row.
 #[derive(Clone, Copy, Debug)]
 struct Row {
     pose: CameraPose,
@@ -169,8 +170,9 @@ struct Row {
 }
 
 impl Row {
-    /// The camera moves on from the middle row as the neighbors of its frame say, by differences of fourth order: a shake
-    /// of several Hz is far from straight between two frames. Where one of the nearest is unknown it is taken to stand still.
+    /// The camera motion around the middle row is interpolated from the neighboring frames by differences of fourth
+    /// order: a shake of several Hz is far from linear between two frames. If one of the nearest is unknown the camera
+    /// is taken as constant.
     fn of(scene: &Scene, frame: usize, pixel: Point2) -> Option<Self> {
         let (pose, seen) = (scene.poses[frame]?, scene.intrinsics.undistorted(pixel)?);
         let neighbor = |f: Option<usize>| scene.poses.get(f?).copied().flatten();
@@ -189,7 +191,7 @@ impl Row {
         Some(Self { pose: pose.perturbed(&(time * speed.0), &(time * speed.1)), seen })
     }
 
-    /// Where it would have been seen, but for the turn since the frame's own time.
+    /// The observation without the camera rotation since the frame's own time.
     fn without_rotation(&self, frame: &CameraPose) -> Vec2 {
         let ray = frame.rotation * self.pose.rotation.inverse() * self.seen.push(1.0);
         ray.xy() / ray.z
@@ -202,7 +204,7 @@ mod tests {
     use crate::motion::sfm::ScenePoint;
     use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
 
-    /// The true cameras, and the points where the first observation and `depth` say.
+    /// The true cameras, and the points at the first observation and the given `depth`.
     fn scene(shot: &Shot, table: &TrackTable, depth: impl Fn(&ScenePoint) -> f64) -> Scene {
         let point = |p: usize| {
             let truth = shot.truth.points[table.id(p as u32) as usize]?;
@@ -222,7 +224,8 @@ mod tests {
             let table = shot.table();
             let found = predict(&table, &scene(&shot, &table, |p| p.inverse_depth), &Run::default())
                 .expect("a run that never stops");
-            // Differences of fourth order miss an eighth of the speed of a 7 Hz shake, 0.3 px at the first and the last row.
+            // Differences of fourth order have an error of an eighth of the speed of a 7 Hz shake, 0.3 px at the first
+            // and the last row.
             let exact = if readout == 0.0 { 1e-6 } else { 0.5 };
             assert!(found.observations > 500 && found.space_px < exact && found.plane_px > 1.0, "{found:?}");
         }

@@ -1,14 +1,15 @@
-//! From tracks to cameras, and a verdict on them.
+//! From tracks to cameras, with a quality verdict.
 //!
-//! Keyframes → pairs of keyframes ([`super::view_graph`]) → focal length → what most pairs show:
+//! Keyframes → pairs of keyframes ([`super::view_graph`]) → focal length → the dominant geometry of the pairs:
 //!
-//! - depth: a map grown from the best pair ([`super::mapper`]), or, where that is not accepted, all keyframes placed at once
-//!   ([`super::global_mapping`]); completed with all frames;
-//! - one plane: a map grown from the poses that the plane allows, the best of them kept;
-//! - no parallax: rotations only, points at infinity, no translation made up.
+//! - depth: an incremental map from the best pair ([`super::mapper`]), or, if that is not accepted, a global map of
+//!   all keyframes ([`super::global_mapping`]); completed with all frames;
+//! - one plane: a map grown from the poses that the homography allows, the best of them kept;
+//! - no parallax: rotations only, points at infinity, no translation.
 //!
-//! Both mappers are needed (`docs/ABLATIONS.md`): without the first one four of 46 clips and made-up shots have no cameras and
-//! four have them in fewer frames or less accurate; without the second one `nus-regular-2` is a rotation only.
+//! Both mappers are needed (`docs/ABLATIONS.md`): without the first one four of 46 clips and synthetic shots have no
+//! cameras and four have cameras in fewer frames or less accurate ones; without the second one `nus-regular-2` is a
+//! rotation only.
 
 use super::bundle::BundleReport;
 use super::figures::{SfmFigures, figures};
@@ -25,58 +26,61 @@ use plumbline_camera::{CameraPose, Intrinsics};
 use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
-/// Focal length, in widths of the picture, where nothing is known: that of most phones and cameras.
+/// Default focal length, in image widths: that of most phones and cameras.
 const USUAL_FOCAL: f64 = 1.0;
-/// Factor by which the usual focal length may be off: from 0.45 widths (wide-angle) to 2.2 widths (a short telephoto lens).
+/// Factor by which the default focal length may be wrong: from 0.45 widths (wide-angle) to 2.2 widths (a short
+/// telephoto lens).
 const USUAL_FOCAL_FACTOR: f64 = 2.2;
-/// Standard deviation of `ln f` after the estimate from pairs, at least: pairs agree with each other under a common error.
+/// Minimum standard deviation of `ln f` of the estimate from pairs: pairs agree with each other under a common error.
 const MIN_PAIR_SIGMA: f64 = 0.1;
-/// Standard deviation of `k₁` in clips of unknown lenses: phones have up to 0.1, action cameras more.
+/// Standard deviation of `k₁` for clips of unknown lenses: phones have up to 0.1, action cameras more.
 const SIGMA_K1: f64 = 0.1;
-/// The same before a plane, in fractions of it: there `k₁` trades against tilt.
+/// Factor on that standard deviation for a planar scene, where `k₁` is correlated with tilt.
 const PLANAR_K1_FRACTION: f64 = 0.1;
-/// Standard deviation of `ln f` after the estimate from rotations: they determine it well or not at all.
+/// Standard deviation of `ln f` of the estimate from rotations: they determine it well or not at all.
 const ROTATION_SIGMA: f64 = 0.3;
-/// Ratio of the cost with a readout to the cost without one, below which the readout is kept.
+/// Maximum ratio of the cost with a readout to the cost without one for the readout to be kept.
 const MAX_READOUT_COST: f64 = 0.97;
-/// Readouts that are kept, frame periods: one below bends less than tracks are accurate; none is longer than a frame, a
-/// little allowed for noise.
+/// Range of readouts that are kept, frame periods. A shorter one distorts less than the accuracy of tracks; none is
+/// longer than a frame, with a margin for noise.
 const MIN_READOUT: f64 = 0.05;
 /// See [`MIN_READOUT`].
 const MAX_READOUT: f64 = 1.2;
-/// Points per frame (median) below which nothing is tried: two views of half of them see 20 in common, the fewest that a
-/// registration rests on.
+/// Minimum points per frame (median) for an attempt: two views of half of them share 20, the minimum of a
+/// registration.
 const MIN_POINTS: usize = 40;
-/// Observations per frame by which wrong points are told from right ones and a readout is found.
+/// Observations per frame of the rough adjustment, which separates outliers from inliers and estimates a readout.
 const ROUGH_SIGHTINGS: usize = 160;
-/// Observations per frame that the final cameras rest on. On five rendered walks rotations between frames are a seventh less
-/// accurate by 400 than by all thousand, by 240 a quarter.
+/// Observations per frame of the final adjustment. On five rendered walks rotations between frames are a seventh less
+/// accurate with 400 than with all thousand, with 240 a quarter.
 const FINE_SIGHTINGS: usize = 400;
-/// RMS residual of rotations over that with depths, up to which a camera is taken to have rotated only: a depth and a
-/// translation too many take up a third of the noise of short tracks.
+/// Maximum ratio of the RMS residual of pure rotations to that with depths for which the camera counts as rotating
+/// only: the additional depths and translations absorb a third of the noise of short tracks.
 const MAX_ROTATION_LOSS: f64 = 1.5;
-/// Pairs before a plane that a map is grown from, by strength: the pose of one may be of the wrong two that its homography allows.
+/// Number of planar pairs from which a map is grown, in order of strength: the pose of a single one may be the wrong
+/// one of the two that its homography allows.
+/// For scenes with depth further seeds change nothing (`docs/ABLATIONS.md`).
 const MAX_PLANAR_SEEDS: usize = 3;
 
-/// What is known beforehand.
+/// Prior knowledge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SfmOptions {
-    /// Focal length, px, and the standard deviation of its logarithm: from the container's metadata, say.
+    /// Focal length, px, and the standard deviation of its logarithm, for example from the container's metadata.
     pub focal: Option<(f64, f64)>,
-    /// Look for the readout time of a rolling shutter; it is kept where it explains clearly more.
+    /// Estimate the readout time of a rolling shutter; it is kept if it explains the tracks clearly better.
     pub rolling_shutter: bool,
 }
 
 /// A reconstruction and its quality.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
-    /// Cameras and points; without any where the verdict says so.
+    /// Cameras and points; empty if the verdict says so.
     pub scene: Scene,
-    /// What they are.
+    /// Kind of the result.
     pub verdict: SfmVerdict,
-    /// Why, for the user.
+    /// Reason for the verdict, for the user.
     pub reason: String,
-    /// How good they are.
+    /// Quality figures.
     pub figures: SfmFigures,
 }
 
@@ -121,7 +125,7 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions, run: &Run) -> Resul
     })
 }
 
-/// What most pairs of keyframes show.
+/// Dominant geometry of the keyframe pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     General,
@@ -131,7 +135,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// Depth needs one strong pair: between near keyframes it need not show.
+    /// Depth requires only one strong pair: between close keyframes parallax can be absent.
     fn of(edges: &[Edge]) -> Self {
         let deep = edges.iter().filter(|e| is_seed(e)).count();
         let general = count(edges, TwoViewVerdict::General);
@@ -159,7 +163,7 @@ fn is_seed(edge: &Edge) -> bool {
         && edge.inliers() >= 2 * MIN_INLIERS
 }
 
-/// Pairs, the strongest first.
+/// Pairs in descending order of strength.
 fn by_strength<'e>(edges: impl Iterator<Item = &'e Edge>) -> Vec<&'e Edge> {
     let mut sorted: Vec<&Edge> = edges.collect();
     sorted.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
@@ -171,14 +175,14 @@ struct Shot<'a> {
     table: &'a TrackTable,
     options: &'a SfmOptions,
     run: &'a Run,
-    /// The lens as given, or the usual one.
+    /// The lens as given, or the default one.
     guess: Intrinsics,
     keys: Vec<usize>,
     edges: Vec<Edge>,
 }
 
 impl<'a> Shot<'a> {
-    /// The focal length is known as well as the options say, and to `sigma_ln_focal` where they do not.
+    /// The focal length has the prior of the options, or else one of standard deviation `sigma_ln_focal`.
     fn lens_prior(&self, sigma_ln_focal: f64) -> LensPrior {
         let sigma_ln_focal = self.options.focal.map_or(sigma_ln_focal, |(_, sigma)| sigma);
         LensPrior { sigma_ln_focal, sigma_k1: SIGMA_K1 }
@@ -197,7 +201,8 @@ impl<'a> Shot<'a> {
         without_cameras(self.table, self.guess, SfmVerdict::Failed, reason.to_owned())
     }
 
-    /// A map of a scene with depth; where the depth predicts nothing and rotations explain the tracks about as well, those.
+    /// A map of a scene with depth; or rotations only, if the depths predict nothing and rotations explain the tracks
+    /// about as well.
     fn general_or_rotation(&self) -> Result<Reconstruction, Stopped> {
         let found = self.general()?;
         if found.verdict != SfmVerdict::Failed || predicts(&found.figures) {
@@ -209,7 +214,7 @@ impl<'a> Shot<'a> {
         Ok(if rotation.verdict == SfmVerdict::RotationOnly && as_well { rotation } else { found })
     }
 
-    /// A map of a scene with depth, accepted or not.
+    /// A map of a scene with depth, whatever its verdict.
     fn general(&self) -> Result<Reconstruction, Stopped> {
         let (camera, lens) = self.lens_of_pairs()?;
         let edges = self.pairs(&camera, lens)?;
@@ -220,7 +225,7 @@ impl<'a> Shot<'a> {
         };
         self.run.step(0.4)?;
         let grown = grown.map(|m| self.completed(m, SfmVerdict::ThreeD)).transpose()?;
-        // A rotating camera has positions too, made up ones, and they take as long to find.
+        // A rotating camera has positions too, spurious ones, and they take as long to compute.
         let deep = 2 * count(&edges, TwoViewVerdict::General) >= edges.len();
         if !deep || grown.as_ref().is_some_and(|g| g.verdict.has_cameras()) {
             return Ok(grown.unwrap_or_else(|| self.failed("no pair of keyframes carries a map")));
@@ -241,7 +246,7 @@ impl<'a> Shot<'a> {
         })
     }
 
-    /// The lens as given, or with the focal length on which the pairs with depth agree.
+    /// The lens as given, or with the focal length estimated from the pairs with depth.
     fn lens_of_pairs(&self) -> Result<(Intrinsics, LensPrior), Stopped> {
         let estimate = match self.options.focal {
             Some(_) => None,
@@ -252,7 +257,7 @@ impl<'a> Shot<'a> {
         Ok((camera, self.lens_prior(estimate.sigma_ln.max(MIN_PAIR_SIGMA))))
     }
 
-    /// A map of a plane, from the best of the poses that its homographies allow.
+    /// A map of a planar scene, from the best of the poses that its homographies allow.
     fn planar(&self) -> Result<Reconstruction, Stopped> {
         let lens = LensPrior { sigma_k1: PLANAR_K1_FRACTION * SIGMA_K1, ..self.lens_prior(MIN_PAIR_SIGMA) };
         let empty = self.mapper(self.guess, lens);
@@ -275,7 +280,7 @@ impl<'a> Shot<'a> {
         }
     }
 
-    /// The cameras of a shot that shows no parallax.
+    /// The cameras of a shot without parallax.
     fn rotation_only(&self) -> Result<Reconstruction, Stopped> {
         let focal = if self.options.focal.is_some() { None } else { focal_of_rotations(&self.edges, &self.guess) };
         let camera = Intrinsics { focal: focal.unwrap_or(self.guess.focal), ..self.guess };
@@ -285,7 +290,7 @@ impl<'a> Shot<'a> {
         self.concluded(mapper, SfmVerdict::RotationOnly)
     }
 
-    /// Registers the frames between keyframes, adjusts everything and judges the result.
+    /// Registers the frames between keyframes, adjusts everything and determines the verdict.
     fn completed(&self, mut mapper: Mapper<'_>, verdict: SfmVerdict) -> Result<Reconstruction, Stopped> {
         let all: Vec<usize> = (0..self.table.frames()).collect();
         mapper.admit(&all);
@@ -297,7 +302,7 @@ impl<'a> Shot<'a> {
         self.concluded(mapper, verdict)
     }
 
-    /// Adjusts, measures and judges a map of all frames.
+    /// Adjusts, measures and evaluates a map of all frames.
     fn concluded(&self, mut mapper: Mapper<'_>, verdict: SfmVerdict) -> Result<Reconstruction, Stopped> {
         self.run.step(0.7)?;
         let report = adjusted(&mut mapper, self.options.rolling_shutter, verdict == SfmVerdict::RotationOnly)?;
@@ -307,7 +312,8 @@ impl<'a> Shot<'a> {
     }
 }
 
-/// The map that grows over the keyframes from a pair and its relative pose; `None` where the pair carries none.
+/// The map grown over the keyframes from an initial pair and its relative pose; `None` if the pair does not support
+/// one.
 fn grown<'a>(empty: &Mapper<'a>, seed: &Edge, pose: CameraPose) -> Result<Option<Mapper<'a>>, Stopped> {
     let mut mapper = empty.clone();
     if !mapper.seed(seed.first, seed.second, pose)? {
@@ -317,8 +323,8 @@ fn grown<'a>(empty: &Mapper<'a>, seed: &Edge, pose: CameraPose) -> Result<Option
     Ok(Some(mapper))
 }
 
-/// Adjusts a map of all frames twice: roughly, which finds wrong points and, where `rolling` is looked for, whether a readout
-/// explains the residuals; and, without the wrong points, to the end.
+/// Adjusts a map of all frames twice. The rough pass finds outliers and, with `rolling`, whether a readout explains
+/// the residuals; the final pass runs without the outliers to the final tolerance.
 fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, rotation_only: bool) -> Result<Option<BundleReport>, Stopped> {
     let rough = Last { rotation_only, ..Last::ROUGH };
     let mut sample = mapper.sample(ROUGH_SIGHTINGS);

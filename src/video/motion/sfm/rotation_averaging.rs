@@ -1,4 +1,4 @@
-//! Absolute rotations from relative ones.
+//! Rotation averaging: absolute rotations from relative ones.
 //!
 //! Edges `(i, j)` of a view graph carry `R_ij ≈ R_j R_iᵀ` with a weight. With the residual `ω_ij = Log(R_jᵀ R_ij R_i)` a step
 //! `R_i ← R_i Exp(δ_i)` solves, to first order,
@@ -7,11 +7,12 @@
 //! min  Σ w_ij ρ(‖δ_j − δ_i − ω_ij‖),
 //! ```
 //!
-//! a weighted graph Laplacian with three right-hand sides. It starts from the spanning tree of the edges that most triangles
-//! confirm: around three right edges the rotations multiply to the identity. The first rounds take `ρ = |·|` (weights `1/‖ω‖`), which finds the majority from a poor start; the last rounds take Geman's and
-//! McClure's `ρ` on the scale of the median residual, which forgets the outliers altogether. One camera stays where the
-//! tree put it. The share of an edge's triangles that close multiplies its weight: the ends of a clip have few edges, and
-//! there a wrong majority would otherwise win.
+//! a weighted graph Laplacian with three right-hand sides. The initial guess is the spanning tree of the edges
+//! confirmed by most triangles: around three correct edges the rotations multiply to the identity. The first
+//! iterations take `ρ = |·|` (weights `1/‖ω‖`), which finds the majority from a poor initial guess; the last
+//! iterations take Geman–McClure's `ρ` on the scale of the median residual, which rejects outliers completely. Gauge:
+//! one camera is fixed at its rotation in the tree. The weight of an edge is multiplied by the fraction of its
+//! triangles that close: the ends of a clip have few edges, and there a wrong majority would otherwise win.
 //!
 //! Departure from the paper: the ℓ₁ problem is solved by reweighted least squares instead of a linear program. The
 //! Laplacian is factored densely: a window of a clip has tens to a few hundred cameras.
@@ -25,26 +26,26 @@ use plumbline_camera::Vec3;
 use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
-/// Rounds with `ρ = |·|`.
+/// Maximum number of iterations with `ρ = |·|`.
 const ABSOLUTE_ITERATIONS: usize = 60;
 
-/// Rounds with Geman's and McClure's weight.
+/// Maximum number of iterations with the Geman–McClure weight.
 const REDESCENDING_ITERATIONS: usize = 30;
 
-/// Residual, rad, below which `1/‖ω‖` stops growing: a thousandth of a degree, below any measured rotation's error.
+/// Residual, rad, below which `1/‖ω‖` is clamped: a thousandth of a degree, below the error of any measured rotation.
 const MIN_RESIDUAL: f64 = 2e-5;
 
-/// Scale of Geman's and McClure's weight in standard deviations, estimated from the median residual.
+/// Scale of the Geman–McClure weight in standard deviations, estimated from the median residual.
 const SCALE: f64 = 3.0;
 
-/// The median length of a normal vector of three dimensions in standard deviations of one coordinate.
+/// Median length of a three-dimensional normal vector in standard deviations of one coordinate.
 const MEDIAN_LENGTH: f64 = 1.538;
 
-/// Angle, rad, by which the rotations around a triangle may miss the identity: right edges stay well below, wrong ones are
-/// anywhere.
+/// Maximum angle, rad, between the product of the rotations around a triangle and the identity. Triangles of correct
+/// edges are well below it, wrong ones are anywhere.
 const MAX_TRIANGLE_ERROR: f64 = 0.04;
 
-/// A step below this, rad, ends the rounds.
+/// Step, rad, below which the iteration ends.
 const TOLERANCE: f64 = 1e-12;
 
 /// A measured relative rotation.
@@ -56,22 +57,23 @@ pub struct RotationEdge {
     pub second: usize,
     /// `R_ij`, axes of the first camera to axes of the second.
     pub second_from_first: UnitQuaternion<f64>,
-    /// How much it is trusted, > 0 (others are left out).
+    /// Weight, > 0 (other edges are ignored).
     pub weight: f64,
 }
 
 /// Rotations of all connected cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AveragedRotations {
-    /// `cam_from_world` of each camera, the first connected one at the identity; `None` outside the largest connected part.
+    /// `cam_from_world` of each camera, the first connected one at the identity; `None` outside the largest connected
+    /// component.
     pub rotations: Vec<Option<UnitQuaternion<f64>>>,
-    /// Angle, rad, by which each edge is missed; infinite for edges that took no part.
+    /// Residual angle of each edge, rad; infinite for edges that were not used.
     pub residuals: Vec<f64>,
 }
 
-/// The rotations that most of the `edges` between `cameras` cameras agree on.
+/// The robust average of the rotations over the `edges` between `cameras` cameras.
 ///
-/// Edges to cameras that do not exist, of a camera with itself, or without weight are left out.
+/// Edges to cameras that do not exist, of a camera with itself, or without weight are ignored.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -105,17 +107,18 @@ fn edge_residual(first: &UnitQuaternion<f64>, second: &UnitQuaternion<f64>, edge
     (second.inverse() * edge.second_from_first * first).scaled_axis()
 }
 
-/// What the triangles of usable edges say about one edge.
+/// Triangle statistics of one edge.
 #[derive(Clone, Copy, Debug, Default)]
 struct Confirmation {
-    /// Triangles it is part of.
+    /// Triangles that contain the edge.
     triangles: u32,
-    /// Those around which the rotations multiply to the identity.
+    /// Triangles around which the rotations multiply to the identity.
     closing: u32,
 }
 
 impl Confirmation {
-    /// Share of the triangles that close, one more counted in favor, so that an edge without triangles is believed.
+    /// Fraction of the triangles that close, with one more counted as closing, so that an edge without triangles has
+    /// full weight.
     fn confidence(self) -> f64 {
         f64::from(1 + self.closing) / f64::from(1 + self.triangles)
     }
@@ -145,13 +148,15 @@ fn confirmations(cameras: usize, edges: &[RotationEdge], usable: impl Fn(&Rotati
     edges.iter().map(confirmed).collect()
 }
 
-/// Rotations along the best confirmed (then heaviest) spanning tree of the largest connected part, whose first camera is at the identity.
+/// Rotations along the maximum spanning tree (by number of closing triangles, then weight) of the largest connected
+/// component, whose first camera is at the identity.
 fn spanning_tree(
     cameras: usize,
     edges: &[RotationEdge],
     confirmed: &[Confirmation],
     usable: impl Fn(&RotationEdge) -> bool,
 ) -> Vec<Option<UnitQuaternion<f64>>> {
+    // Kruskal: edges in descending order of closing triangles, then weight; an edge within a component is skipped.
     let mut order: Vec<usize> = (0..edges.len()).filter(|&k| usable(&edges[k])).collect();
     let rank = |a: usize, b: usize| edges[b].weight.total_cmp(&edges[a].weight).then(a.cmp(&b));
     order.sort_by(|&a, &b| confirmed[b].closing.cmp(&confirmed[a].closing).then_with(|| rank(a, b)));
@@ -167,9 +172,10 @@ fn spanning_tree(
     }
     let size = |camera: usize| part.iter().filter(|p| **p == part[camera]).count();
     let mut rotations = vec![None; cameras];
-    // The first camera among those of the largest part.
+    // The first camera of the largest component.
     let Some(root) = (0..cameras).rev().max_by_key(|&c| size(c)) else { return rotations };
     rotations[root] = Some(UnitQuaternion::identity());
+    // Chain the relative rotations from the root along the tree.
     let mut stack = vec![(root, UnitQuaternion::identity())];
     while let Some((here, rotation)) = stack.pop() {
         for &k in &neighbors[here] {
@@ -191,13 +197,13 @@ fn spanning_tree(
 struct Solver<'a> {
     rotations: &'a mut [Option<UnitQuaternion<f64>>],
     edges: Vec<RotationEdge>,
-    /// Row of each camera; the first known camera has none and stays.
+    /// Row of each camera in the system; the first known camera is fixed and has none.
     row: Vec<Option<usize>>,
     unknowns: usize,
 }
 
 impl<'a> Solver<'a> {
-    /// `edges` to cameras whose rotation is not known are left out.
+    /// `edges` to cameras with unknown rotation are ignored.
     fn new(rotations: &'a mut [Option<UnitQuaternion<f64>>], mut edges: Vec<RotationEdge>) -> Self {
         edges.retain(|e| rotations[e.first].is_some() && rotations[e.second].is_some());
         let mut known = 0;
@@ -215,7 +221,8 @@ impl<'a> Solver<'a> {
         self.edges.iter().map(|e| edge_residual(&rotation(e.first), &rotation(e.second), e)).collect()
     }
 
-    /// Reweighted steps; `weight` of a residual given the standard deviation of the residuals per axis, rad.
+    /// Reweighted least-squares iterations; `weight` is a function of a residual and the standard deviation of the
+    /// residuals per axis, rad.
     fn iterate(&mut self, count: usize, weight: impl Fn(f64, f64) -> f64, run: &Run) -> Result<(), Stopped> {
         if self.unknowns == 0 {
             return Ok(());
@@ -236,7 +243,7 @@ impl<'a> Solver<'a> {
         Ok(())
     }
 
-    /// Moves every rotation by the solution of the weighted Laplacian; the largest move, rad.
+    /// Updates every rotation by the solution of the weighted Laplacian; returns the largest update, rad.
     fn step(&mut self, residuals: &[Vec3], weights: &[f64]) -> Option<f64> {
         let mut laplacian = DMatrix::<f64>::zeros(self.unknowns, self.unknowns);
         let mut rhs = DMatrix::<f64>::zeros(self.unknowns, 3);
@@ -273,8 +280,8 @@ mod tests {
     use super::*;
     use crate::motion::sfm::synthetic_views::{normal, random_unit};
 
-    /// A turning clip and the relative rotations at offsets 1, 2, 3, 5, 8, the given share of them random, but three edges
-    /// at every camera right: with fewer no majority tells which they are.
+    /// A clip of a rotating camera with relative rotations at offsets 1, 2, 3, 5, 8. The given fraction of them is
+    /// random, except that three edges at every camera are correct: with fewer no majority identifies them.
     fn clip(n: usize, noise: f64, wrong: f64, seed: u64) -> (Vec<UnitQuaternion<f64>>, Vec<RotationEdge>, Vec<bool>) {
         let mut rng = fastrand::Rng::with_seed(seed);
         let truth: Vec<_> = (0..n)

@@ -1,10 +1,11 @@
-//! The cameras of a shot that shows no parallax: rotations, and points at infinity.
+//! Rotation estimation for a shot without parallax: camera rotations, and points at infinity.
 //!
-//! Between keyframes `i`, `j` the rays `m = K⁻¹ x` of a turning camera obey `m_j ∝ R_ij m_i`. The focal length is the one
-//! under which the pairs that turned most are rotations ([`super::fit_conjugate_rotation`]); the relative rotations of all pairs at that
-//! focal length are averaged ([`super::average_rotations`]), which forgets pairs that a mover misled; every other frame is
-//! turned against the keyframe before it. The adjustment then moves rotations, rays and lens, and no translation: what
-//! moves in the picture besides is noise, and a translation would only make a story of it.
+//! Between keyframes `i`, `j` the rays `m = K⁻¹ x` of a rotating camera satisfy `m_j ∝ R_ij m_i`. The focal length is
+//! estimated from the pairs with the largest rotations ([`super::fit_conjugate_rotation`]). The relative rotations of
+//! all pairs at that focal length are averaged ([`super::average_rotations`]), which rejects pairs misled by a moving
+//! object. The rotation of every other frame is estimated relative to the keyframe before it. The final adjustment
+//! optimizes rotations, rays and lens, without translations: the remaining motion in the image is noise, and
+//! translations would only fit it.
 
 use super::keyframes::rotation_between;
 use super::mapper::{MIN_INLIERS, Mapper};
@@ -15,10 +16,10 @@ use plumbline_camera::{CameraPose, Intrinsics, Vec3};
 use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
-/// Share of the pairs, those that turned most, that are asked for the focal length.
+/// The focal length is estimated from the pairs with the largest rotations: one in this many.
 const PAIR_DIVISOR: usize = 3;
 
-/// The focal length of a turning camera, px; `None` where no pair turned.
+/// The focal length of a rotating camera, px; `None` if no pair rotated.
 pub(super) fn focal_of_rotations(edges: &[Edge], camera: &Intrinsics) -> Option<f64> {
     let mut rotations: Vec<(f64, f64)> =
         edges.iter().filter_map(|e| e.view.rotation).map(|t| (t.rotation.angle(), t.focal_ratio)).collect();
@@ -28,7 +29,7 @@ pub(super) fn focal_of_rotations(edges: &[Edge], camera: &Intrinsics) -> Option<
     median(&mut ratios).map(|ratio| camera.focal * ratio)
 }
 
-/// Turns the cameras of `mapper`, whose keyframes are `keys`, and puts the points at infinity.
+/// Estimates the rotations of the cameras of `mapper`, whose keyframes are `keys`, and sets the points to infinity.
 pub(super) fn estimate_rotations(
     table: &TrackTable,
     mapper: &mut Mapper<'_>,
@@ -60,7 +61,7 @@ pub(super) fn estimate_rotations(
     Ok(())
 }
 
-/// The pose of a frame by the nearest keyframe, or else neighbor, before it that shares enough points.
+/// The pose of a frame relative to the nearest keyframe before it that shares enough points, or else to a neighbor.
 fn rotated_from_known(
     table: &TrackTable,
     poses: &[Option<CameraPose>],
@@ -83,7 +84,7 @@ fn rotation_pose(matches: &[Match], camera: &Intrinsics) -> Option<CameraPose> {
         .then(|| CameraPose { rotation: rotation_between(&rays).into(), translation: Vec3::zeros() })
 }
 
-/// Gives every point the ray on which the first known frame sees it.
+/// Sets the ray of every point from the first known frame that observes it.
 pub(super) fn place_at_infinity(table: &TrackTable, mapper: &mut Mapper<'_>) {
     for point in 0..table.points() {
         let first = table.of_point(point).find(|o| mapper.scene.poses[o.frame as usize].is_some());

@@ -1,15 +1,15 @@
-//! The homography of a camera that only turns, `H = K R K⁻¹`, with its focal length free.
+//! The homography of a purely rotating camera, `H = K R K⁻¹`, with unknown focal length.
 //!
 //! Image coordinates are normalized by an assumed focal length `f₀`; the true one is `f = s f₀`, so that
-//! `K = diag(s, s, 1)`. The pair `x₁`, `x₂` misses the homography by `e = π(H x₁) − x₂`; with noise in both views the squared
-//! distance to the nearest pair that obeys it is to first order
+//! `K = diag(s, s, 1)`. The transfer error of the pair `x₁`, `x₂` is `e = π(H x₁) − x₂`; with noise in both views the
+//! squared distance to the nearest pair that satisfies the homography is to first order
 //!
 //! ```text
 //! r² = eᵀ (1 + J Jᵀ)⁻¹ e,    J = ∂π(H x)/∂x.
 //! ```
 //!
-//! A turning camera with a *wrong* assumed focal length is still a turning camera: `s` is fitted along with `R`. A plane seen
-//! by a moving camera has four degrees of freedom more and is told apart by the residuals.
+//! A rotating camera with a *wrong* assumed focal length is still a rotating camera: `s` is estimated together with
+//! `R`. A plane seen by a moving camera has four more degrees of freedom and is distinguished by the residuals.
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 4.2.6 (Sampson error) and 8.4 (conjugate rotation);
@@ -21,13 +21,13 @@ use super::correspondence::Correspondence;
 use plumbline_camera::Vec3;
 use plumbline_num::math::golden_section;
 
-/// Steps of the fit at most.
+/// Maximum number of iterations of the fit.
 const MAX_ITERATIONS: usize = 40;
 
-/// Candidates per factor of two over which the conjugating focal length of a homography is scanned.
+/// Samples per factor of two in the scan over the conjugating focal length of a homography.
 const SCAN_PER_OCTAVE: f64 = 16.0;
 
-/// A camera's turn, with the focal length under which it is one.
+/// A camera rotation and the focal length of its conjugate rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConjugateRotation {
     /// `second_from_first`.
@@ -46,7 +46,7 @@ impl ConjugateRotation {
     }
 }
 
-/// `r²` of a pair under a homography; infinite where the point has no image.
+/// `r²` of a pair under a homography; infinite if the point has no image.
 pub(super) fn homography_squared_distance(h: &Matrix3<f64>, pair: &Correspondence) -> f64 {
     let Some((e, by_point)) = transfer_error(h, pair) else { return f64::INFINITY };
     let j = by_point * h.fixed_columns::<2>(0);
@@ -67,7 +67,7 @@ pub(super) fn transfer_error(
     Some((seen - pair.second.xy(), Matrix2x3::new(1.0, 0.0, -seen.x, 0.0, 1.0, -seen.y) / y.z))
 }
 
-/// How far `K⁻¹ H K`, scaled to determinant 1, is from a rotation: `‖MᵀM − 1‖` (Frobenius).
+/// Deviation of `K⁻¹ H K`, scaled to determinant 1, from a rotation: `‖MᵀM − 1‖` (Frobenius).
 fn orthogonality(h: &Matrix3<f64>, s: f64) -> f64 {
     let m = conjugated(h, s);
     (m.transpose() * m - Matrix3::identity()).norm()
@@ -80,7 +80,8 @@ fn conjugated(h: &Matrix3<f64>, s: f64) -> Matrix3<f64> {
     m / m.determinant().cbrt()
 }
 
-/// The turn nearest to a homography, `1/max_ratio ≤ s ≤ max_ratio`, and its orthogonality residual `‖MᵀM − 1‖`.
+/// The conjugate rotation nearest to a homography, `1/max_ratio ≤ s ≤ max_ratio`, and its orthogonality residual `‖MᵀM
+/// − 1‖`.
 ///
 /// `h` maps image coordinates normalized by the assumed focal length. `None` for a singular matrix.
 pub fn conjugate_rotation(h: &Matrix3<f64>, max_ratio: f64) -> Option<(ConjugateRotation, f64)> {
@@ -100,9 +101,10 @@ pub fn conjugate_rotation(h: &Matrix3<f64>, max_ratio: f64) -> Option<(Conjugate
     Some((ConjugateRotation { rotation, focal_ratio: s }, orthogonality(h, s)))
 }
 
-/// The turn of least `Σ min(r², T²)` (smoothly truncated) near `start`, `1/max_ratio ≤ s ≤ max_ratio`; `max_ratio = 1` keeps `s = 1`.
+/// The rotation of minimum `Σ min(r², T²)` (smoothly truncated) from the initial guess `start`, `1/max_ratio ≤ s ≤
+/// max_ratio`; `max_ratio = 1` fixes `s = 1`.
 ///
-/// `threshold` T in units of the image coordinates.
+/// `threshold` is T, in units of the image coordinates.
 pub fn fit_conjugate_rotation(
     initial: ConjugateRotation,
     pairs: &[Correspondence],
@@ -139,7 +141,8 @@ fn moved(from: &ConjugateRotation, step: &Vector4<f64>, max_ratio: f64) -> Conju
     ConjugateRotation { rotation: UnitQuaternion::new_normalize(rotation.into_inner()), focal_ratio }
 }
 
-/// `Σ ρ(r²)` with `ρ′ = (1 − r²/T²)²` inside the threshold: the energy whose weights [`normal_equations`] takes.
+/// `Σ ρ(r²)` with `ρ′ = (1 − r²/T²)²` inside the threshold: the energy that corresponds to the weights of
+/// [`normal_equations`].
 fn truncated_energy(from: &ConjugateRotation, pairs: &[Correspondence], threshold: f64) -> f64 {
     let h = from.homography();
     let squared = threshold * threshold;
@@ -186,7 +189,7 @@ mod tests {
     use crate::motion::sfm::synthetic_views::{TwoViews, random_unit};
     use plumbline_camera::CameraPose;
 
-    /// A camera that turns by `angle`, seen with a focal length assumed too long by `1/ratio`.
+    /// A camera that rotates by `angle`, observed with a focal length assumed too long by `1/ratio`.
     fn turning(angle: f64, ratio: f64, rng: &mut fastrand::Rng) -> (ConjugateRotation, Vec<Correspondence>) {
         let rotation = UnitQuaternion::from_scaled_axis(random_unit(rng) * angle);
         let pose = CameraPose { rotation, translation: Vec3::zeros() };

@@ -1,30 +1,31 @@
-//! Observations enough for the cameras of a shot.
+//! A sample of observations sufficient for the cameras of a shot.
 //!
-//! Trackers follow a thousand points per frame, many of them side by side and for hundreds of frames. Cameras are known as well
-//! from a few hundred that are spread over the picture; and since to eliminate a point that `L` frames see costs `L²`, and the
-//! reduced system is as wide as the longest track, long tracks weigh most while they say little more than two of half their
-//! length. So an adjustment of a whole shot is given a sample:
+//! Trackers follow a thousand points per frame, many of them close together and for hundreds of frames. Cameras are
+//! determined equally well by a few hundred that are spread over the image. Eliminating a point observed in `L` frames
+//! costs `L²`, and the reduced system is as wide as the longest track, so long tracks cost most, while they carry
+//! little more information than two of half their length. An adjustment of a whole shot therefore uses a sample:
 //!
-//! - a point is taken where in most of its frames its cell of the picture still wants observations, points that many frames see
-//!   before others;
-//! - a track longer than [`MAX_FRAMES`] cut into pieces, each a point of its own. Cuts of different tracks fall in different frames,
-//!   so that two frames `d` apart share the part `1 − d/MAX_FRAMES` of the points that both see.
+//! - a point is selected if in most of its frames its grid cell still needs observations; points observed in many
+//!   frames come first;
+//! - a track longer than [`MAX_FRAMES`] is cut into pieces, each a point of its own. Tracks are cut at different
+//!   frames, so that two frames `d` apart share the fraction `1 − d/MAX_FRAMES` of their common points.
 //!
-//! Afterwards all points are placed among the cameras found.
+//! Afterwards all points are refined with the estimated cameras fixed.
 
 use super::{Observation, Scene, ScenePoint, TrackTable};
 
-/// Columns and rows of the cells over which observations are spread.
+/// Columns and rows of the grid over which observations are spread.
 const CELLS: (usize, usize) = (8, 5);
-/// Frames that a piece spans at most. Pieces of 32 to 96 frames and whole tracks give cameras that are equally good on tracked
-/// clips: trackers drift, and what a long track says about far frames it says with that drift.
+/// Maximum number of frames of a piece. Pieces of 32 to 96 frames and whole tracks give equally accurate cameras on
+/// tracked clips: trackers drift, and a long track relates far frames only up to that drift.
 const MAX_FRAMES: usize = 48;
 
-/// Observations below which a track is taken only by frames that have not half of what they want: its own place uses up most of
-/// what it says, and its depth, which little holds, jumps about between steps.
+/// Number of observations below which a track is selected only by frames with less than half of their target. Most of
+/// the information of a short track is used up by its own position, and its poorly constrained depth changes
+/// erratically between steps.
 const SHORT: usize = 8;
 
-/// A scene with part of the points, long tracks in pieces, and the observations of those.
+/// A scene with a subset of the points, long tracks cut into pieces, and the observations of those.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
     pub(super) scene: Scene,
@@ -32,7 +33,7 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Of the known points of a scene, seen in its known frames.
+    /// Samples the known points of a scene and their observations in its known frames.
     pub(super) fn of(table: &TrackTable, scene: &Scene, per_frame: usize) -> Self {
         let chosen = chosen(table, scene, per_frame);
         let mut sample = Self { scene: Scene { points: Vec::new(), ..scene.clone() }, observations: Vec::new() };
@@ -42,7 +43,7 @@ impl Sample {
         sample
     }
 
-    /// Adds a point by its pieces.
+    /// Adds a point as one or more pieces.
     fn add(&mut self, table: &TrackTable, scene: &Scene, point: usize) {
         let Some(position) = scene.points[point] else { return };
         let seen: Vec<&Observation> = known_observations(table, scene, point).collect();
@@ -51,7 +52,7 @@ impl Sample {
             self.push(position, &seen);
             return;
         }
-        // Multiples of the golden section spread evenly whatever their number.
+        // Multiples of the golden ratio are evenly distributed modulo 1, whatever their number.
         let shift = (point as f64 * 0.618_033_988_749_895).fract() * MAX_FRAMES as f64;
         let piece = |o: &&Observation| (o.frame as usize + shift as usize) / MAX_FRAMES;
         for part in seen.chunk_by(|a, b| piece(a) == piece(b)).filter(|part| part.len() > 2) {
@@ -76,7 +77,7 @@ fn known_observations<'a>(
     table.of_point(point).filter(|o| scene.poses[o.frame as usize].is_some())
 }
 
-/// The same point as another frame sees it; `None` where it lies behind that one.
+/// The same point with another frame as anchor; `None` if it is behind that frame's camera.
 fn anchored_at(position: &ScenePoint, frame: u32, scene: &Scene) -> Option<ScenePoint> {
     let (pose, anchor) = (scene.poses[frame as usize]?, scene.poses[position.anchor as usize]?);
     let seen = position.scaled_in(&pose, &anchor);
@@ -87,7 +88,7 @@ fn anchored_at(position: &ScenePoint, frame: u32, scene: &Scene) -> Option<Scene
     })
 }
 
-/// Indices of the points to take, ascending.
+/// Indices of the selected points, ascending.
 fn chosen(table: &TrackTable, scene: &Scene, per_frame: usize) -> Vec<usize> {
     let length = |p: usize| known_observations(table, scene, p).count();
     let known = (0..table.points()).filter(|&p| scene.points[p].is_some());
@@ -108,7 +109,7 @@ fn chosen(table: &TrackTable, scene: &Scene, per_frame: usize) -> Vec<usize> {
     taken
 }
 
-/// Observations taken so far.
+/// Observations selected so far.
 struct Selection {
     per_frame: usize,
     in_cell: Vec<usize>,
@@ -139,7 +140,7 @@ fn cell_of(table: &TrackTable, o: &Observation) -> usize {
     along(o.pixel.y, table.height, CELLS.1) * CELLS.0 + along(o.pixel.x, table.width, CELLS.0)
 }
 
-/// A number that says nothing of where or when the point was seen.
+/// A hash of the index, independent of the position and the frames of the point.
 fn scattered(point: usize) -> u32 {
     (point as u32).wrapping_mul(0x9E37_79B9)
 }
@@ -150,7 +151,7 @@ mod tests {
     use plumbline_camera::{CameraPose, Intrinsics, Vec3};
     use plumbline_num::math::{Point2, Vec2};
 
-    /// Points at depth 5 seen by a camera that walks aside, `count` new ones every frame, each for `life` frames.
+    /// Points at depth 5 seen by a camera that moves sideways, `count` new ones every frame, each for `life` frames.
     fn walk(frames: usize, count: usize, life: usize) -> (TrackTable, Scene) {
         let mut random = fastrand::Rng::with_seed(3);
         let intrinsics = Intrinsics::centered(576.0, 640, 360);
@@ -162,7 +163,7 @@ mod tests {
         for (id, birth) in births.enumerate() {
             let ray = Vec2::new(1.1 * random.f64() - 0.55, 0.6 * random.f64() - 0.3);
             let point = ScenePoint { anchor: birth as u32, ray, inverse_depth: 0.2 };
-            // The first ones end one by one.
+            // The tracks of the first frame end one by one.
             let end = if birth == 0 { 3 + id * (life - 3) / (count * life) } else { birth + life };
             for (frame, list) in seen.iter_mut().enumerate().take(end.min(frames)).skip(birth) {
                 let y = point.scaled_in(&pose(frame), &pose(birth));

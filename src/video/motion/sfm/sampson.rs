@@ -1,4 +1,5 @@
-//! Sampson's distance to the epipolar constraint, and its least-squares minimum over any family of matrices.
+//! Sampson distance to the epipolar constraint, and its least-squares minimization over any parametrized family of
+//! matrices.
 //!
 //! For a matrix `M` (essential or fundamental) and a pair `x₁`, `x₂` the distance, in image coordinates, of the pair to the
 //! nearest one that satisfies `x₂ᵀ M x₁ = 0` is to first order
@@ -7,9 +8,9 @@
 //! r = N / √D,    N = x₂ᵀ M x₁,    D = ‖(M x₁)_xy‖² + ‖(Mᵀ x₂)_xy‖².
 //! ```
 //!
-//! With tangents `Tₖ = ∂M/∂θₖ` its derivative is `(Nₖ − ½ r Dₖ/√D) / √D`, `Nₖ = x₂ᵀ Tₖ x₁`,
-//! `Dₖ = 2 (M x₁)_xy·(Tₖ x₁)_xy + 2 (Mᵀ x₂)_xy·(Tₖᵀ x₂)_xy`. [`refined`] minimizes `Σ wᵢ rᵢ²` by Levenberg's and Marquardt's
-//! method in the coordinates of a [`Chart`].
+//! With tangents `Tₖ = ∂M/∂θₖ` its derivative is `(Nₖ − ½ r Dₖ/√D) / √D`, `Nₖ = x₂ᵀ Tₖ x₁`, `Dₖ = 2 (M x₁)_xy·(Tₖ
+//! x₁)_xy + 2 (Mᵀ x₂)_xy·(Tₖᵀ x₂)_xy`. [`refined`] minimizes `Σ wᵢ rᵢ²` by the Levenberg–Marquardt algorithm in the
+//! coordinates of a [`Chart`].
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., section 11.4.3.
@@ -18,22 +19,22 @@ use nalgebra::{Const, DimMin, Matrix3, SMatrix, SVector};
 
 use super::correspondence::Correspondence;
 
-/// Energy falls by less than this share: the minimum is reached.
+/// Relative energy decrease per step below which the minimization has converged.
 const TOLERANCE: f64 = 1e-12;
 
-/// A point of a `P`-dimensional family of matrices, with local coordinates around it.
+/// A point of a `P`-dimensional manifold of matrices, with local coordinates around it.
 pub(super) trait Chart<const P: usize>: Clone {
-    /// `M` here.
+    /// `M` at this point.
     fn matrix(&self) -> Matrix3<f64>;
 
-    /// `∂M/∂θₖ` here.
+    /// `∂M/∂θₖ` at this point.
     fn tangents(&self) -> [Matrix3<f64>; P];
 
     /// The point at local coordinates `step`.
     fn moved(&self, step: &SVector<f64, P>) -> Self;
 }
 
-/// `r²`; infinite where the pair lies on both epipoles.
+/// `r²`; infinite if the points of the pair are the two epipoles.
 pub(super) fn squared_distance(m: &Matrix3<f64>, c: &Correspondence) -> f64 {
     let (line, back) = (m * c.first, m.tr_mul(&c.second));
     let n = c.second.dot(&line);
@@ -41,7 +42,7 @@ pub(super) fn squared_distance(m: &Matrix3<f64>, c: &Correspondence) -> f64 {
     if d > 0.0 { n * n / d } else { f64::INFINITY }
 }
 
-/// `Σ w r²` with the Gauss–Newton matrix and half the gradient.
+/// `Σ w r²` with its Gauss–Newton matrix and half of its gradient.
 #[derive(Clone, Debug)]
 pub(super) struct NormalEquations<const P: usize> {
     pub(super) normal: SMatrix<f64, P, P>,
@@ -49,7 +50,7 @@ pub(super) struct NormalEquations<const P: usize> {
     pub(super) energy: f64,
 }
 
-/// The normal equations at `at`.
+/// The normal equations at the point `at`.
 pub(super) fn normal_equations<const P: usize, C: Chart<P>>(
     at: &C,
     pairs: &[Correspondence],
@@ -77,14 +78,14 @@ pub(super) fn normal_equations<const P: usize, C: Chart<P>>(
     sum
 }
 
-/// `Σ w r²` at `at`.
+/// `Σ w r²` at the point `at`.
 pub(super) fn energy<const P: usize, C: Chart<P>>(at: &C, pairs: &[Correspondence], weights: &[f64]) -> f64 {
     let m = at.matrix();
     let carrying = pairs.iter().zip(weights).filter(|(_, w)| **w > 0.0);
     carrying.map(|(c, w)| w * squared_distance(&m, c)).sum()
 }
 
-/// The minimum of `Σ w r²` near `initial`, after at most `steps` steps.
+/// Local minimum of `Σ w r²` from the initial guess `initial`, after at most `steps` steps.
 pub(super) fn refined<const P: usize, C: Chart<P>>(
     initial: C,
     pairs: &[Correspondence],

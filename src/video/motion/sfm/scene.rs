@@ -1,7 +1,7 @@
-//! What is recovered: cameras, points, lens, readout; and what is given: where the points were seen.
+//! The scene: cameras, points, lens and readout to be estimated, and the image observations.
 //!
-//! A point is kept by the ray `m = (x, y, 1)` on which its *anchor* frame sees it and by its inverse depth `w` there, so
-//! that points at infinity (`w = 0`) are ordinary points. In another camera `i`, up to scale,
+//! A point is represented by the ray `m = (x, y, 1)` on which its *anchor* frame observes it and by its inverse depth
+//! `w` there, so that points at infinity (`w = 0`) need no special case. In another camera `i`, up to scale,
 //!
 //! ```text
 //! Y = R_ia m + w (t_i − R_ia t_a),     R_ia = R_i R_aᵀ.
@@ -10,14 +10,14 @@
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::math::{Point2, Vec2};
 
-/// A point seen in a frame.
+/// An observation of a point in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// Index of the frame.
     pub frame: u32,
     /// Index of the point, the same along its track.
     pub point: u32,
-    /// Where, px.
+    /// Observed position, px.
     pub pixel: Point2,
 }
 
@@ -38,13 +38,13 @@ impl ScenePoint {
         Vec3::new(self.ray.x, self.ray.y, 1.0)
     }
 
-    /// `Y`: coordinates in a camera `pose`, scaled by `w > 0`, so that a positive third one is in front.
+    /// `Y`: coordinates in the camera `pose`, scaled by `w > 0`; the point is in front if the third one is positive.
     pub fn scaled_in(&self, pose: &CameraPose, anchor: &CameraPose) -> Vec3 {
         let from_anchor = *pose * anchor.inverse();
         from_anchor.rotation * self.direction() + self.inverse_depth * from_anchor.translation
     }
 
-    /// Its place in the world; `None` at infinity and where it lies behind its anchor.
+    /// Its position in the world; `None` at infinity and behind its anchor.
     pub fn in_world(&self, anchor: &CameraPose) -> Option<Point3> {
         (self.inverse_depth > 0.0).then(|| anchor.inverse().apply(&Point3::from(self.direction() / self.inverse_depth)))
     }
@@ -57,14 +57,15 @@ pub struct Scene {
     pub intrinsics: Intrinsics,
     /// Time from the first row's capture to the last row's, in frame periods; 0 for a global shutter.
     pub readout: f64,
-    /// One per frame; `None` where the camera is not known.
+    /// By frame; `None` if the camera is unknown.
     pub poses: Vec<Option<CameraPose>>,
-    /// One per track; `None` where the point is not known or not still.
+    /// By track; `None` if the point is unknown or not static.
     pub points: Vec<Option<ScenePoint>>,
 }
 
 impl Scene {
-    /// Where a frame sees a point, px, rows all captured at once; `None` where either is unknown or the point lies behind.
+    /// Projection of a point into a frame, px, for a global shutter; `None` if either is unknown or the point is
+    /// behind the camera.
     pub fn project(&self, frame: u32, point: u32) -> Option<Point2> {
         let point = self.points.get(point as usize).copied().flatten()?;
         let pose = |f: u32| self.poses.get(f as usize).copied().flatten();

@@ -1,4 +1,4 @@
-//! Stretches of a shot: cameras in coordinates of their own, or none, and why.
+//! Segments of a shot: cameras in a common coordinate system, or none, with the reason.
 
 use std::ops::Range;
 
@@ -6,25 +6,25 @@ use super::{Reconstruction, SfmFigures, SfmVerdict, TrackTable};
 use crate::motion::FrameCamera;
 use plumbline_camera::{CameraPose, Point3};
 
-/// Consecutive frames whose cameras share coordinates.
+/// Consecutive frames whose cameras have a common coordinate system.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
     /// Its frames.
     pub frames: Range<usize>,
-    /// One per frame; `None` where no camera is known.
+    /// By frame; `None` if the camera is unknown.
     pub cameras: Vec<Option<FrameCamera>>,
-    /// Tracks and where their points are, by track.
+    /// Tracks and the positions of their points, by track.
     pub points: Vec<(u32, Point3)>,
-    /// What the tracks allow to say.
+    /// Kind of the result.
     pub verdict: SfmVerdict,
-    /// Why, for the user.
+    /// Reason for the verdict, for the user.
     pub reason: String,
-    /// How good it is.
+    /// Quality figures.
     pub figures: SfmFigures,
 }
 
 impl Segment {
-    /// A reconstruction of `frames` from `table`; without cameras and points where the verdict allows none.
+    /// The reconstruction of `frames` from `table`; without cameras and points if the verdict excludes them.
     pub fn new(frames: Range<usize>, table: &TrackTable, found: Reconstruction) -> Self {
         let Reconstruction { scene, verdict, reason, figures } = found;
         if !verdict.has_cameras() {
@@ -45,7 +45,7 @@ impl Segment {
         }
     }
 
-    /// Frames of which nothing is known.
+    /// A segment without cameras.
     pub fn unknown(frames: Range<usize>, verdict: SfmVerdict, reason: String) -> Self {
         let figures = SfmFigures { frames: frames.len(), ..SfmFigures::default() };
         Self { cameras: vec![None; frames.len()], points: Vec::new(), frames, verdict, reason, figures }
@@ -56,7 +56,7 @@ impl Segment {
         self.frames.contains(&frame).then(|| self.cameras[frame - self.frames.start]).flatten()
     }
 
-    /// Leaves out the frames outside `frames`; what then is too short, or knows no camera, is unknown.
+    /// Restricts the segment to `frames`; if the rest is shorter than `shortest` or has no camera, it becomes unknown.
     pub(super) fn clip(&mut self, frames: Range<usize>, shortest: usize) {
         let within = |f: usize| f.clamp(self.frames.start, self.frames.end);
         let kept = within(frames.start)..within(frames.end);
@@ -71,7 +71,7 @@ impl Segment {
         self.count();
     }
 
-    /// Forgets the cameras of the frames that are not `explained`.
+    /// Removes the cameras of the frames that are not `explained`.
     pub(super) fn forget(&mut self, explained: &[bool]) {
         for (camera, _) in self.cameras.iter_mut().zip(explained).filter(|(_, e)| !**e) {
             *camera = None;
@@ -79,7 +79,7 @@ impl Segment {
         self.count();
     }
 
-    /// Counts frames and cameras anew.
+    /// Updates the numbers of frames and cameras in the figures.
     pub(super) fn count(&mut self) {
         self.figures.frames = self.frames.len();
         self.figures.registered = self.cameras.iter().flatten().count();

@@ -1,4 +1,4 @@
-//! Two views of made-up points, for the tests of this module.
+//! Synthetic two-view data for the tests of this module.
 
 use nalgebra::{Matrix3, UnitQuaternion};
 
@@ -15,12 +15,12 @@ pub(super) fn random_unit(rng: &mut fastrand::Rng) -> Vec3 {
     }
 }
 
-/// Sum of twelve uniform variables: mean 0, variance 1.
+/// A standard normal variable, approximated by the sum of twelve uniform ones: mean 0, variance 1.
 pub(super) fn normal(rng: &mut fastrand::Rng) -> f64 {
     (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0
 }
 
-/// A pose turned by up to `angle` rad, with a translation of length `baseline`.
+/// A pose with a rotation of up to `angle` rad and a translation of length `baseline`.
 pub(super) fn random_pose(rng: &mut fastrand::Rng, angle: f64, baseline: f64) -> CameraPose {
     let rotation = UnitQuaternion::from_scaled_axis(random_unit(rng) * angle * rng.f64());
     CameraPose { rotation, translation: random_unit(rng) * baseline }
@@ -80,7 +80,7 @@ impl TwoViews {
         self
     }
 
-    /// Replaces the second view of the first `fraction` of the points by random places in the picture.
+    /// Replaces the second view of the first `fraction` of the points by random image positions.
     pub(super) fn with_outliers(mut self, fraction: f64, rng: &mut fastrand::Rng) -> Self {
         let wrong = (fraction * self.correspondences.len() as f64) as usize;
         for c in &mut self.correspondences[..wrong] {

@@ -6,9 +6,9 @@
 //! λᵢ² + λⱼ² − 2 λᵢ λⱼ yᵢ·yⱼ = aᵢⱼ = ‖xᵢ − xⱼ‖²,      as forms   Λᵀ Mᵢⱼ Λ = aᵢⱼ.
 //! ```
 //!
-//! `D₁ = a₂₃ M₁₂ − a₁₂ M₂₃` and `D₂ = a₂₃ M₁₃ − a₁₃ M₂₃` vanish at Λ. For a root `γ` of the cubic `det(D₁ + γ D₂) = 0` the form
-//! `D₁ + γ D₂` is a pair of planes; on each plane the remaining form is a quadratic in the ratio of two depths, and `a`
-//! gives the scale. Newton's method on the three equations polishes the depths.
+//! `D₁ = a₂₃ M₁₂ − a₁₂ M₂₃` and `D₂ = a₂₃ M₁₃ − a₁₃ M₂₃` vanish at Λ. For a root `γ` of the cubic `det(D₁ + γ D₂) = 0`
+//! the form `D₁ + γ D₂` degenerates to a pair of planes; on each plane the remaining form is a quadratic in the ratio
+//! of two depths, and `a` gives the scale. The depths are refined by Newton's method on the three equations.
 //!
 //! # Reference
 //! M. Persson, K. Nordberg, *Lambda Twist: An accurate fast robust perspective three point solver*, ECCV 2018.
@@ -19,16 +19,17 @@ use super::polynomial::real_roots;
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::Vec2;
 
-/// Newton steps on the depths: they start with at least four good digits.
+/// Newton steps on the depths: they start with at least four correct digits, and each step doubles them.
 const POLISH_STEPS: usize = 5;
 
-/// Points nearer to a line than this share of their distances, or rays nearer to each other, determine no pose.
+/// Relative distance of the points from a common line, or of two rays from each other, below which the sample is
+/// degenerate.
 const DEGENERATE: f64 = 1e-9;
 
-/// Distances, relative to the largest, that a solution may residual.
+/// Maximum residual of the squared distances, relative to the largest, of an accepted solution.
 const ACCEPTED: f64 = 1e-10;
 
-/// A known point and where a calibrated camera sees it.
+/// A 2D–3D correspondence of a calibrated camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointRay {
     /// In the world.
@@ -37,8 +38,8 @@ pub struct PointRay {
     pub ray: Vec2,
 }
 
-/// All poses `cam_from_world` from which three points are seen in front, pushed to `poses`: at most four, none for points on a
-/// line.
+/// All poses `cam_from_world` with the three points in front, pushed to `poses`: at most four, none for collinear
+/// points.
 pub fn three_point(sample: &[PointRay; 3], poses: &mut Vec<CameraPose>) {
     let x = sample.map(|s| s.point.coords);
     let y = sample.map(|s| s.ray.push(1.0).normalize());
@@ -64,7 +65,7 @@ struct Triangle {
     cosines: Vec3,
 }
 
-/// The two rays of each side.
+/// The two rays of each side of the triangle.
 const SIDES: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
 impl Triangle {
@@ -81,7 +82,7 @@ impl Triangle {
         let d1 = self.form(0) * self.sides[2] - self.form(2) * self.sides[0];
         let d2 = self.form(1) * self.sides[2] - self.form(2) * self.sides[1];
         let Some((gamma, planes)) = plane_pair(&d1, &d2) else { return };
-        // On the planes D₁ = −γ D₂; this combination is the one that keeps most of both.
+        // On the planes D₁ = −γ D₂; this unit combination is orthogonal to D₁ + γ D₂ in its coefficients.
         let remaining = (d2 - d1 * gamma) / (1.0 + gamma * gamma).sqrt();
         for normal in planes {
             for ratio in on_plane(&normal, &remaining) {
@@ -94,7 +95,7 @@ impl Triangle {
         }
     }
 
-    /// Depths in these ratios that give the sides; `None` unless all are positive.
+    /// Depths with these ratios that satisfy the sides; `None` unless all are positive.
     fn scaled(&self, ratio: &Vec3) -> Option<Vec3> {
         let ratio = if ratio.sum() < 0.0 { -ratio } else { *ratio };
         let squared: f64 = (0..3).map(|k| ratio.dot(&(self.form(k) * ratio))).sum();
@@ -121,7 +122,7 @@ impl Triangle {
     }
 }
 
-/// The root `γ` whose form `D₁ + γ D₂` is most clearly a pair of real planes, with their normals.
+/// The root `γ` for which `D₁ + γ D₂` is most clearly a pair of real planes, and their normals.
 fn plane_pair(d1: &Matrix3<f64>, d2: &Matrix3<f64>) -> Option<(f64, [Vec3; 2])> {
     let (c0, c3) = (d1.determinant(), d2.determinant());
     let (plus, minus) = ((d1 + d2).determinant(), (d1 - d2).determinant());
@@ -141,9 +142,9 @@ fn plane_pair(d1: &Matrix3<f64>, d2: &Matrix3<f64>) -> Option<(f64, [Vec3; 2])> 
     pairs.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, gamma, planes)| (gamma, planes))
 }
 
-/// Up to two directions Λ on the plane `n·Λ = 0` at which the form `d` vanishes.
+/// Up to two directions Λ on the plane `n·Λ = 0` for which the form `d` vanishes.
 fn on_plane(n: &Vec3, d: &Matrix3<f64>) -> impl Iterator<Item = Vec3> + use<> {
-    // λ_k follows from the two others, k where n is largest.
+    // λ_k is determined by the two others; k is the largest component of n.
     let k = n.iamax();
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
     let vector = move |n: &Vec3, u: f64, v: f64| {
@@ -156,8 +157,8 @@ fn on_plane(n: &Vec3, d: &Matrix3<f64>) -> impl Iterator<Item = Vec3> + use<> {
     quadratic_directions(&q).into_iter().flatten().map(move |r| a * r.x + b * r.y)
 }
 
-/// Directions `(u, v)` with `q₀₀ u² + 2 q₀₁ u v + q₁₁ v² = 0`, without cancellation; a slightly negative discriminant counts
-/// as zero, because the equations are polished afterwards.
+/// Directions `(u, v)` with `q₀₀ u² + 2 q₀₁ u v + q₁₁ v² = 0`, without cancellation. A slightly negative discriminant
+/// counts as zero, because the solution is refined afterwards.
 fn quadratic_directions(q: &Matrix2<f64>) -> [Option<Vector2<f64>>; 2] {
     let (a, h, c) = (q[(0, 0)], q[(0, 1)], q[(1, 1)]);
     let discriminant = h * h - a * c;
@@ -168,7 +169,7 @@ fn quadratic_directions(q: &Matrix2<f64>) -> [Option<Vector2<f64>>; 2] {
     [Some(Vector2::new(-stable, a)), Some(Vector2::new(-c, stable))]
 }
 
-/// The pose that takes three points to where they lie in the camera; `None` where the two triangles are not finite.
+/// The pose that maps three points to their positions in the camera; `None` if the two triangles are not finite.
 fn pose_of(x: &[Vec3; 3], in_camera: &[Vec3; 3]) -> Option<CameraPose> {
     let frame = |p: &[Vec3; 3]| {
         let u = (p[1] - p[0]).try_normalize(0.0)?;

@@ -1,37 +1,37 @@
-//! The tracks of a shot, ready to be asked by frame, by point, and by pairs of frames.
+//! The tracks of a shot, indexed by frame, by point, and by pairs of frames.
 
 use super::Observation;
 use plumbline_num::math::Point2;
 
-/// Tracks seen in fewer frames say nothing that their two ends have not used up for the point's place.
+/// Minimum number of frames of a track: the observations of a shorter one are used up by the point's own position.
 const MIN_FRAMES: usize = 3;
 
-/// Where every point of a shot was seen, in every frame.
+/// The observations of all points of a shot in all frames.
 #[derive(Clone, Debug)]
 pub struct TrackTable {
     /// Width of the picture, px.
     pub width: u32,
     /// Height of the picture, px.
     pub height: u32,
-    /// By frame, within a frame by point.
+    /// Sorted by frame, then by point.
     observations: Vec<Observation>,
     /// `observations[frame_starts[f]..frame_starts[f + 1]]` are those of frame `f`.
     frame_starts: Vec<usize>,
-    /// Indices of observations, by point, within a point by frame.
+    /// Indices of observations, sorted by point, then by frame.
     by_point: Vec<u32>,
     point_starts: Vec<usize>,
-    /// The track's identity at the tracker, by point.
+    /// The tracker's identifier of each point.
     ids: Vec<u32>,
 }
 
-/// A point seen in two frames, px.
+/// A point observed in two frames, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
     /// Index of the point.
     pub point: u32,
-    /// Where the first frame sees it.
+    /// Observed position in the first frame.
     pub first: Point2,
-    /// Where the second frame sees it.
+    /// Observed position in the second frame.
     pub second: Point2,
 }
 
@@ -98,7 +98,8 @@ impl TrackTable {
         self.frame_starts.len() - 1
     }
 
-    /// Length of a px at 640 px across: tracks are as accurate as the picture they are followed in, which is of that size.
+    /// Length of a px at 640 px across: the accuracy of tracks is relative to the picture they are tracked in, which
+    /// has that size.
     pub fn unit_px(&self) -> f64 {
         f64::from(self.width.max(self.height)) / 640.0
     }
@@ -108,7 +109,7 @@ impl TrackTable {
         self.ids.len()
     }
 
-    /// Identity of a point at the tracker.
+    /// The tracker's identifier of a point.
     pub fn id(&self, point: u32) -> u32 {
         self.ids[point as usize]
     }
@@ -118,7 +119,7 @@ impl TrackTable {
         &self.observations
     }
 
-    /// The points seen in a frame, ascending.
+    /// The observations in a frame, by point, ascending.
     pub fn in_frame(&self, frame: usize) -> &[Observation] {
         &self.observations[self.frame_starts[frame]..self.frame_starts[frame + 1]]
     }
@@ -129,7 +130,7 @@ impl TrackTable {
         self.by_point[range].iter().map(|&k| &self.observations[k as usize])
     }
 
-    /// The points that two frames share, ascending.
+    /// The points observed in both frames, ascending.
     pub fn shared(&self, first: usize, second: usize) -> Vec<Match> {
         let mut others = self.in_frame(second).iter().peekable();
         let mut matches = Vec::new();
@@ -147,7 +148,7 @@ impl TrackTable {
 mod tests {
     use super::*;
 
-    /// Points 10, 20, 30 of which 20 lives for two frames only.
+    /// Points 10, 20, 30, of which 20 is tracked for two frames only.
     fn table() -> TrackTable {
         let at = |id: u32, frame: usize| (id, Point2::new(f64::from(id), frame as f64));
         let frame = |f: usize| [10, 20, 30].into_iter().filter(move |&id| id != 20 || f < 2).map(move |id| at(id, f));

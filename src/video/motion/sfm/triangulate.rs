@@ -1,46 +1,47 @@
 //! Inverse depth of a point on the ray of its anchor, from one or more other views.
 //!
 //! With the ray `m = (x, y, 1)` of the anchor and a view `(R, t)` relative to it, the point is at `Y = R m + w t` up to scale.
-//! Each view that sees it at `ŷ` asks for `Y_xy − ŷ Y_z = 0`, two equations that are linear in `w`:
+//! Each view that observes it at `ŷ` requires `Y_xy − ŷ Y_z = 0`, two equations that are linear in `w`:
 //!
 //! ```text
 //! a + w b = 0,    a = (R m)_xy − ŷ (R m)_z,    b = t_xy − ŷ t_z.
 //! ```
 //!
-//! Divided by the depth factor `Y_z` of the previous round they are reprojection errors, so that a few rounds of weighted
-//! least squares reach the best `w` on the fixed ray. Points at infinity (`w = 0`) are ordinary; refinement of ray and
-//! depth together belongs to the bundle adjustment.
+//! Divided by the depth factor `Y_z` of the previous iteration they are reprojection errors, so that a few iterations
+//! of reweighted least squares converge to the optimal `w` on the fixed ray. Points at infinity (`w = 0`) need no
+//! special case; ray and depth are refined together by the bundle adjustment.
 
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Vec2;
 
-/// Rounds of reweighting: the depth factors change by a few percent at most, so that the second round is already accurate.
+/// Iterations of reweighting: the depth factors change by a few percent at most, so the second iteration is already
+/// accurate.
 const ITERATIONS: usize = 4;
 
-/// One more view of a point.
+/// One further view of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// Pose of the view relative to the anchor's camera.
     pub view_from_anchor: CameraPose,
-    /// Where the view sees the point, normalized image coordinates.
+    /// Observed position, normalized image coordinates.
     pub ray: Vec2,
 }
 
 /// A triangulated point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangulated {
-    /// `w`: one over the depth along the anchor's optical axis, in the unit of the poses; negative where the rays part in
-    /// front of the cameras.
+    /// `w`: the inverse depth along the anchor's optical axis, in the unit of the poses; negative if the rays diverge
+    /// in front of the cameras.
     pub inverse_depth: f64,
-    /// Largest angle between the anchor's ray and another view's, rad.
+    /// Maximum angle between the anchor's ray and another view's, rad.
     pub angle: f64,
     /// Root mean square reprojection error over the other views, normalized image coordinates.
     pub residual: f64,
 }
 
-/// The inverse depth on the ray `anchor` (normalized image coordinates) of least squared reprojection error.
+/// The inverse depth on the ray `anchor` (normalized image coordinates) of minimum squared reprojection error.
 ///
-/// `None` without a view whose center leaves the ray, and where the point would lie behind one of the views.
+/// `None` if no view has its center off the ray, and if the point would be behind one of the views.
 pub fn triangulate(anchor: Vec2, views: &[View]) -> Option<Triangulated> {
     let m = anchor.push(1.0);
     let mut w = 0.0;
@@ -106,7 +107,7 @@ mod tests {
             })
             .collect();
         let found = triangulate(anchor, &views).expect("in front");
-        // The deviation of w is about 5e-4 / √40 per unit of baseline.
+        // The standard deviation of w is about 5e-4 / √40 per unit of baseline.
         assert!((found.inverse_depth - 1.0 / 7.0).abs() < 4e-4, "{}", found.inverse_depth);
         let energy = |w: f64| {
             let error = |v: &View| {

@@ -1,19 +1,20 @@
-//! What two frames say about the camera between them: it moved, it moved before a plane, it only turned, or nothing.
+//! Two-view geometry and its classification: general motion, planar scene, pure rotation, or degenerate.
 //!
-//! Four models are fitted to the pairs, each by robust search: a homography `H`, the homography of a turning camera
-//! `K R K⁻¹` with its focal length free ([`super::fit_conjugate_rotation`]), an essential matrix `E` at the assumed focal length and a
-//! fundamental matrix `F`. The noise `σ` is measured on the residuals of `F`, the most general one, and [`super::gric`]
-//! chooses:
+//! Four models are fitted to the pairs, each by robust search: a homography `H`, the homography of a rotating camera
+//! `K R K⁻¹` with unknown focal length ([`super::fit_conjugate_rotation`]), an essential matrix `E` at the assumed
+//! focal length and a fundamental matrix `F`. The noise `σ` is estimated from the residuals of `F`, the most general
+//! model, and [`super::gric`] selects the model:
 //!
-//! | least score | verdict |
+//! | lowest score | verdict |
 //! | --- | --- |
 //! | `E` or `F` | [`TwoViewVerdict::General`] |
 //! | `H` | [`TwoViewVerdict::Planar`] |
 //! | `K R K⁻¹` | [`TwoViewVerdict::RotationOnly`] |
 //!
-//! An essential matrix fits a turning camera as well as anything, with an invented translation: a low residual proves no
-//! motion. That the turning camera is among the models, with the focal length free, is what keeps a wrong focal length from
-//! making up a translation; as a second guard a share of the pairs must miss the turn by more than their noise allows.
+//! An essential matrix fits a rotating camera as well as any other model, with a spurious translation: a low residual
+//! does not prove motion. The rotation model with unknown focal length prevents a spurious translation caused by a
+//! wrong focal length. As a second test, a minimum fraction of the pairs must have a residual under the rotation
+//! larger than their noise explains.
 
 use nalgebra::Matrix3;
 
@@ -31,53 +32,54 @@ use plumbline_num::math::median;
 use plumbline_num::optim::ransac::{Consensus, MsacOptions, msac};
 use plumbline_num::run::{Run, Stopped};
 
-/// Steps of the last refinement of the essential matrix.
+/// Steps of the final refinement of the essential matrix.
 const FINAL_STEPS: usize = 20;
 
-/// A winning model must explain this share of the pairs.
+/// Minimum fraction of the pairs that the selected model must explain.
 const MIN_SUPPORT: f64 = 0.3;
 
-/// Share of the pairs that a turn must miss by more than three times the noise before a translation is believed. Noise alone
-/// gives 1 in 10 000, and 1 in 300 where it is taken for a fifth less than it is; a baseline seen by fewer pairs is too
-/// short to be of use.
+/// Minimum fraction of the pairs whose residual under the rotation exceeds three times the noise, for a translation to
+/// be accepted. Noise alone gives 1 in 10 000, and 1 in 300 if it is underestimated by a fifth; a baseline visible in
+/// fewer pairs is too short to be of use.
 const MIN_PARALLAX_RATIO: f64 = 0.03;
 
 /// Settings of [`two_view`]; lengths in normalized image coordinates (px divided by the assumed focal length).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoViewOptions {
-    /// Distance at which a pair is an outlier, > 0.
+    /// Residual at which a pair is an outlier, > 0.
     pub threshold: f64,
-    /// Noise that is assumed at least, > 0: with exact data any parallax, however small, would count.
+    /// Minimum noise, > 0: with exact data any parallax, however small, would be significant.
     pub min_noise: f64,
-    /// How far the assumed focal length may be off, as a factor ≥ 1, when a turn is looked for.
+    /// Maximum ratio of the true to the assumed focal length or its inverse, ≥ 1, in the rotation model.
     pub max_focal_ratio: f64,
-    /// Fewest pairs that are asked, and that a model must explain.
+    /// Minimum number of pairs, and of inliers of a model.
     pub min_pairs: usize,
-    /// Seed of the searches.
+    /// Seed of the random sampling.
     pub seed: u64,
 }
 
 impl TwoViewOptions {
-    /// Two pixels' tolerance and a twentieth's least noise at an assumed focal length, px, that may be off by 1.8.
+    /// Outlier threshold of two pixels and minimum noise of a twentieth of a pixel, at an assumed focal length, px,
+    /// that may be wrong by a factor of 1.8.
     pub fn for_focal(focal_px: f64) -> Self {
         Self { threshold: 2.0 / focal_px, min_noise: 0.05 / focal_px, max_focal_ratio: 1.8, min_pairs: 24, seed: 0 }
     }
 }
 
-/// What the camera did between two frames.
+/// Camera motion between two frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TwoViewVerdict {
-    /// It moved, and the scene has depth.
+    /// General motion, and the scene has depth.
     General,
-    /// It moved before a plane, or the scene is too flat to tell.
+    /// Motion in front of a plane, or of a scene too flat to distinguish.
     Planar,
-    /// It turned, or stood still: the pairs show no parallax.
+    /// Pure rotation, or no motion: the pairs show no parallax.
     RotationOnly,
     /// Too few pairs, or no model explains enough of them.
     Degenerate,
 }
 
-/// Scores of the models, all under one noise; infinite where a model was not found.
+/// Scores of the models, all under one noise; infinite if a model was not found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoViewScores {
     /// Essential matrix.
@@ -86,34 +88,34 @@ pub struct TwoViewScores {
     pub fundamental: f64,
     /// Homography.
     pub homography: f64,
-    /// Turning camera.
+    /// Rotating camera.
     pub rotation: f64,
 }
 
-/// The relation of two views.
+/// Two-view geometry of a pair.
 #[derive(Clone, Debug)]
 pub struct TwoView {
-    /// What the camera did.
+    /// Camera motion.
     pub verdict: TwoViewVerdict,
-    /// `second_from_first`, best first, with a translation of length 1 (`General`), in units of the plane's distance (one or
-    /// two, `Planar`) or zero (`RotationOnly`); empty for `Degenerate`.
+    /// `second_from_first`, best first, with a translation of length 1 (`General`), in units of the plane's distance
+    /// (one or two, `Planar`) or zero (`RotationOnly`); empty for `Degenerate`.
     pub poses: Vec<CameraPose>,
-    /// Which pairs the winning model explains.
+    /// By pair: whether the selected model explains it.
     pub inliers: Vec<bool>,
     /// Median angle between the two rays of an inlier under the first pose, rad; 0 without a pose.
     pub median_angle: f64,
-    /// Share of the pairs within the threshold of `E` or `F` that a turn, focal length free, misses by more than three times
-    /// the noise.
+    /// Fraction of the pairs within the threshold of `E` or `F` whose residual under a rotation with free focal length
+    /// exceeds three times the noise.
     pub parallax_ratio: f64,
     /// Noise per coordinate, normalized image coordinates.
     pub noise: f64,
-    /// The best turn of the camera; `None` where none was found.
+    /// The best rotation of the camera; `None` if none was found.
     pub rotation: Option<ConjugateRotation>,
     /// Scores of all models.
     pub scores: TwoViewScores,
 }
 
-/// Judges the pairs of two frames, given in image coordinates normalized by an assumed focal length.
+/// Classifies the pairs of two frames, given in image coordinates normalized by an assumed focal length.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -154,12 +156,12 @@ impl TwoView {
     }
 }
 
-/// The models found, each `None` where the search failed.
+/// The fitted models, each `None` if its search failed.
 struct Fits {
     essential: Option<Matrix3<f64>>,
     fundamental: Option<Matrix3<f64>>,
     homography: Option<Matrix3<f64>>,
-    /// With the number of its parameters: three at the assumed focal length, four where another one is better.
+    /// With the number of its parameters: three at the assumed focal length, four if another focal length is better.
     rotation: Option<(ConjugateRotation, u32)>,
 }
 
@@ -175,7 +177,7 @@ impl Fits {
         })
     }
 
-    /// Standard deviation per coordinate, from the inliers of the most general model: robustly at first, then by the root
+    /// Standard deviation per coordinate, from the inliers of the most general model: the median first, then the root
     /// mean square within three times that.
     fn noise(&self, pairs: &[Correspondence], options: &TwoViewOptions) -> f64 {
         let Some(model) = self.fundamental.or(self.essential) else { return options.min_noise };
@@ -207,7 +209,8 @@ impl Fits {
         }
     }
 
-    /// Share of the pairs on epipolar lines (within the threshold) that the turn misses by more than three times the noise.
+    /// Fraction of the pairs within the epipolar threshold whose residual under the rotation exceeds three times the
+    /// noise.
     fn parallax_ratio(&self, pairs: &[Correspondence], options: &TwoViewOptions, noise: f64) -> f64 {
         let Some(rotation) = self.rotation.map(|(t, _)| t.homography()) else { return 1.0 };
         let limit = options.threshold * options.threshold;
@@ -218,13 +221,13 @@ impl Fits {
         let (mut count, mut moved) = (0.0_f64, 0.0);
         for pair in pairs.iter().filter(|p| explained(p)) {
             count += 1.0;
-            // r² of a turn has two degrees of freedom where a single coordinate has one.
+            // r² under a rotation has two degrees of freedom, the noise is that of a single coordinate.
             moved += f64::from(homography_squared_distance(&rotation, pair) > 2.0 * 9.0 * noise * noise);
         }
         moved / count.max(1.0)
     }
 
-    /// Residuals of the model behind a verdict.
+    /// Squared residual of a pair under the model of a verdict.
     fn explains(&self, verdict: TwoViewVerdict, scores: &TwoViewScores, pair: &Correspondence) -> f64 {
         let far = f64::INFINITY;
         match verdict {
@@ -299,7 +302,8 @@ fn search<P: Consensus>(
     Ok(msac(family, &vec![1.0; family.len()], &settings, None, &mut rng, run)?.map(|s| s.model))
 }
 
-/// The better of the turns at the assumed and at a free focal length, as GRIC would choose at a noise of half a threshold.
+/// The better of the rotations at the assumed and at a free focal length, selected by GRIC at a noise of half a
+/// threshold.
 fn best_rotation(
     h: Option<&Matrix3<f64>>,
     pairs: &[Correspondence],
@@ -317,7 +321,7 @@ fn best_rotation(
     Some(if score(&fixed, 3) <= score(&free, 4) { (fixed, 3) } else { (free, 4) })
 }
 
-/// The pose of `e` refined on the pairs within the threshold, weighted so that none enters abruptly.
+/// The pose of `e` refined on the pairs within the threshold, with smooth weights so that no pair enters abruptly.
 fn moving_pose(e: &Matrix3<f64>, pairs: &[Correspondence], options: &TwoViewOptions) -> Option<CameraPose> {
     let limit = options.threshold * options.threshold;
     let slack: Vec<f64> = pairs.iter().map(|p| (1.0 - sampson::squared_distance(e, p) / limit).max(0.0)).collect();
@@ -342,7 +346,7 @@ mod tests {
 
     const FOCAL: f64 = 576.0;
 
-    /// Pairs with noise of 0.3 px and a tenth of outliers, in coordinates of a focal length assumed `ratio` times too short.
+    /// Pairs with noise of 0.3 px and 10 % outliers, in coordinates of a focal length assumed `ratio` times too short.
     fn noisy(views: TwoViews, ratio: f64, rng: &mut fastrand::Rng) -> Vec<Correspondence> {
         let views = views.with_noise(0.3 / FOCAL, rng).with_outliers(0.1, rng);
         views.correspondences.iter().map(|c| c.scaled(ratio)).collect()

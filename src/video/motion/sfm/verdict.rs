@@ -1,65 +1,64 @@
-//! What a reconstruction is worth, by its figures.
+//! Quality verdict of a reconstruction from its figures.
 //!
-//! Low residuals do not prove cameras, so a map counts as 3D only where its depths foretell observations that were held out
-//! better than homographies do ([`super::prediction`]), in enough of the frames and of the picture, and where the focal
-//! length is determined.
+//! Low residuals do not prove correct cameras. A map therefore counts as 3D only if its depths predict held-out
+//! observations better than homographies do ([`super::prediction`]), in a sufficient fraction of the frames and of the
+//! image, and if the focal length is determined.
 
 use super::figures::SfmFigures;
 
-/// Triangulation angle, rad, median over points, from which on two frames carry a map: 3 px at usual focal lengths. Whether
-/// the map is worth anything is seen when it is whole.
+/// Minimum triangulation angle, rad, median over points, of two frames that initialize a map: 3 px at usual focal
+/// lengths. The quality of the map itself is determined when it is complete.
 pub(super) const MIN_ANGLE: f64 = 0.006;
-/// Misses of observations predicted by depth, as a share of those of homographies, at most. Measured: scenes with depth 0.34 to
-/// 0.64 (0.77 where the camera walks down a street, towards what it sees); made-up depths of cameras that turn or stand still,
-/// 1.4 to 1.6; planes, on which a depth is one parameter too many, 2.
+/// Maximum ratio of the held-out prediction error with depth to that with homographies. Measured: scenes with depth
+/// 0.34 to 0.64 (0.77 where the camera walks down a street, in the viewing direction); spurious depths of cameras that
+/// rotate or are static, 1.4 to 1.6; planes, for which a depth is one parameter too many, 2.
 const MAX_PREDICTED_FRACTION: f64 = 0.9;
-/// Observations that must have been predicted for the test to count.
+/// Minimum number of predicted observations for the test to apply.
 const MIN_PREDICTED: usize = 100;
-/// Parallax, in RMS residuals, median over points, from which on depth is believed where too little was predicted: a tenth of
-/// its depth is then known of a point seen twice.
+/// Minimum parallax, in RMS residuals, median over points, for depth to be accepted if too few observations were
+/// predicted: the depth of a point observed twice is then known to a tenth.
 const MIN_PARALLAX: f64 = 10.0;
-/// The same, from which on depths that foretell no better than homographies are those of a plane: made-up ones reached 9, planes
-/// 300.
+/// The same for a plane, if depths predict no better than homographies: spurious depths reached 9, planes 300.
 const PLANE_PARALLAX: f64 = 30.0;
-/// Share of frames that must have a camera.
+/// Minimum fraction of frames with a camera.
 const MIN_REGISTERED: f64 = 0.7;
-/// RMS reprojection, px at 640 px across, beyond which cameras are not believed.
+/// Maximum RMS reprojection error of accepted cameras, px at 640 px across.
 const MAX_RMS_PX: f64 = 1.5;
-/// Uncertainty of `ln f` beyond which the focal length is not believed.
+/// Maximum standard deviation of `ln f` of an accepted focal length.
 const MAX_SIGMA_LN_FOCAL: f64 = 0.3;
-/// Radial term beyond which a lens is not believed: fisheyes have 0.3.
+/// Maximum radial term of an accepted lens: fisheyes have 0.3.
 const MAX_K1: f64 = 0.5;
-/// Share of the cells that must hold points, mean over frames.
+/// Minimum fraction of the grid cells with points, mean over frames.
 const MIN_COVERAGE: f64 = 0.35;
 
-/// What a shot's tracks allow to say about its cameras.
+/// Kind of camera path that the tracks of a shot determine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SfmVerdict {
-    /// Cameras with places, points with depths.
+    /// Cameras with positions, points with depths.
     #[serde(rename = "3d")]
     ThreeD,
-    /// The scene is one plane; places are in units of its distance.
+    /// The scene is one plane; positions are in units of its distance.
     Planar,
-    /// The camera only turned.
+    /// The camera only rotated.
     RotationOnly,
     /// The focal length changes.
     Zoom,
-    /// Too few still points.
+    /// Too few static points.
     TooFewPoints,
     /// No cameras were found that explain the tracks.
     Failed,
 }
 
 impl SfmVerdict {
-    /// Whether it comes with cameras.
+    /// Whether this verdict comes with cameras.
     pub fn has_cameras(self) -> bool {
         matches!(self, Self::ThreeD | Self::Planar | Self::RotationOnly)
     }
 }
 
-/// Whether the depths of a map are more than made up.
+/// Whether the depths of a map have predictive value.
 pub(super) fn predicts(f: &SfmFigures) -> bool {
     if f.predicted < MIN_PREDICTED {
         return f.angle > 0.0 && f.angle * f.focal >= MIN_PARALLAX * f.rms_px;
@@ -67,7 +66,8 @@ pub(super) fn predicts(f: &SfmFigures) -> bool {
     f.predicted_px <= MAX_PREDICTED_FRACTION * f.homography_px
 }
 
-/// Whether a camera moved before a plane: homographies foretell as well, under angles that nobody makes up.
+/// Whether the camera moved in front of a plane: homographies predict as well as depths, at parallaxes that spurious
+/// depths do not reach.
 fn is_plane(f: &SfmFigures) -> bool {
     f.predicted >= MIN_PREDICTED
         && !predicts(f)
@@ -82,7 +82,7 @@ fn no_depth(f: &SfmFigures) -> String {
     format!("depth predicts points to {:.2} px, homographies to {:.2} px", f.predicted_px, f.homography_px)
 }
 
-/// Whether the figures bear the verdict.
+/// The verdict that the figures support, with the reason.
 pub(super) fn judged(figures: &SfmFigures, k1: f64, verdict: SfmVerdict, unit_px: f64) -> (SfmVerdict, String) {
     let f = figures;
     let registered = f.registered as f64 / f.frames.max(1) as f64;

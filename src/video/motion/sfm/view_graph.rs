@@ -1,4 +1,4 @@
-//! The pairs of keyframes that share points, and what each pair says about the camera.
+//! The view graph: pairs of keyframes that share points, with their two-view geometry.
 
 use rayon::prelude::*;
 
@@ -10,11 +10,11 @@ use plumbline_camera::Intrinsics;
 use plumbline_num::math::Vec2;
 use plumbline_num::run::{Run, Stopped};
 
-/// Steps between the keyframes of a pair: near ones share most points, far ones see most depth.
+/// Steps between the keyframes of a pair: close ones share most points, distant ones have most parallax.
 const STRIDES: [usize; 5] = [1, 2, 3, 5, 8];
-/// Fewest points that a pair must share.
+/// Minimum number of points that a pair must share.
 const MIN_SHARED: usize = 40;
-/// Most pairs that are asked for the focal length.
+/// Maximum number of pairs for the estimate of the focal length.
 const FOCAL_PAIRS: usize = 16;
 
 /// A pair of keyframes.
@@ -24,25 +24,26 @@ pub(super) struct Edge {
     pub(super) first: usize,
     /// Frame of the second view.
     pub(super) second: usize,
-    /// What they see in common.
+    /// Points common to both.
     pub(super) matches: Vec<Match>,
-    /// What that says.
+    /// Their two-view geometry.
     pub(super) view: TwoView,
 }
 
 impl Edge {
-    /// Matches that the pair's model explains.
+    /// Number of matches that the pair's model explains.
     pub(super) fn inliers(&self) -> usize {
         self.view.inliers.iter().filter(|i| **i).count()
     }
 
-    /// How well a map would start here: points times angle, the angle counted up to 6 degrees.
+    /// Suitability as the initial pair of a map: number of points times angle, the angle clamped to 6 degrees.
     pub(super) fn strength(&self) -> f64 {
         self.inliers() as f64 * self.view.median_angle.min(6.0_f64.to_radians())
     }
 }
 
-/// Judges the pairs of keyframes at an assumed lens that may be off by the factor `max_focal_ratio`.
+/// Classifies the pairs of keyframes at an assumed lens whose focal length may be wrong by the factor
+/// `max_focal_ratio`.
 pub(super) fn view_graph(
     table: &TrackTable,
     keys: &[usize],
@@ -52,7 +53,7 @@ pub(super) fn view_graph(
 ) -> Result<Vec<Edge>, Stopped> {
     let pairs = STRIDES.iter().flat_map(|&s| (s..keys.len()).map(move |k| (keys[k - s], keys[k])));
     let pairs: Vec<(usize, usize)> = pairs.collect();
-    // Tolerances in px hold at 640 px across.
+    // Tolerances in px apply at 640 px across.
     let unit = f64::from(table.width.max(table.height)) / 640.0;
     let options = TwoViewOptions { max_focal_ratio, ..TwoViewOptions::for_focal(camera.focal / unit) };
     let judged = pairs.par_iter().map(|&(first, second)| {
@@ -72,7 +73,7 @@ pub(super) fn view_graph(
     Ok(judged.into_iter().flatten().collect())
 }
 
-/// The focal length on which the pairs with depth agree.
+/// The focal length estimated from the pairs with depth.
 pub(super) fn shared_focal(table: &TrackTable, edges: &[Edge], run: &Run) -> Result<Option<FocalEstimate>, Stopped> {
     let mut general: Vec<&Edge> = edges.iter().filter(|e| e.view.verdict == TwoViewVerdict::General).collect();
     general.sort_by(|a, b| b.strength().total_cmp(&a.strength()));

@@ -1,14 +1,13 @@
-//! One focal length for many fundamental matrices, without their pairs.
+//! One focal length for many fundamental matrices, without their correspondences.
 //!
-//! With `K = diag(f, f, 1)` the matrix `E = Kᵀ F K` of a camera of focal length `f` has two equal singular values. Their
-//! deviation, free of square roots of matrices,
-//!
+//! With `K = diag(f, f, 1)` the matrix `E = Kᵀ F K` of a camera of focal length `f` has two equal nonzero singular
+//! values. Their deviation, in a form without matrix square roots,
 //! ```text
 //! δ(f)² = (σ₁² − σ₂²)² / (σ₁² + σ₂²)² = 1 − 4 q / tr(E Eᵀ)²,     q = sum of the principal 2×2 minors of E Eᵀ,
 //! ```
 //!
-//! is summed over the matrices with Geman's and McClure's weight and minimized on a logarithmic scale: a vote in which
-//! matrices without information, or wrong ones, have no weight.
+//! is summed over the matrices with the Geman–McClure loss and minimized on a logarithmic scale; matrices without
+//! information, and outliers, have no influence.
 //!
 //! # Reference
 //! L. Pan, D. Baráth, M. Pollefeys, J. Schönberger, *Global structure-from-motion revisited* (GLOMAP), ECCV 2024,
@@ -19,16 +18,17 @@ use nalgebra::Matrix3;
 use plumbline_camera::Vec3;
 use plumbline_num::math::golden_section;
 
-/// `δ` at which a matrix has lost a quarter of its vote: clean pairs stay below 0.02, wrong ones lie anywhere in [0, 1].
+/// `δ` at which the Geman–McClure weight of a matrix is a quarter: clean pairs stay below 0.02, wrong ones are
+/// anywhere in [0, 1].
 const DEVIATION_SCALE: f64 = 0.05;
 
-/// Focal lengths tried per factor of two before the best one is refined.
+/// Focal lengths scanned per factor of two, before the best one is refined.
 const SCAN_PER_OCTAVE: f64 = 32.0;
 
-/// The focal length, in the unit of the image coordinates, within `range` for which most of the matrices are essential;
-/// `None` without matrices.
+/// The focal length, in the unit of the image coordinates, within `range` for which most of the matrices are
+/// essential; `None` for no matrices.
 ///
-/// `fundamentals` relate image coordinates whose origin is the center of projection.
+/// `fundamentals` relate image coordinates whose origin is the principal point.
 pub fn view_graph_focal(fundamentals: &[Matrix3<f64>], range: (f64, f64)) -> Option<f64> {
     if fundamentals.is_empty() {
         return None;
@@ -47,7 +47,7 @@ fn robust(squared: f64) -> f64 {
     squared / (squared + DEVIATION_SCALE * DEVIATION_SCALE)
 }
 
-/// `δ(f)²`, in [0, 1]; 1 where it is not defined.
+/// `δ(f)²`, in [0, 1]; 1 if undefined.
 fn deviation_squared(fundamental: &Matrix3<f64>, focal: f64) -> f64 {
     let k = Matrix3::from_diagonal(&Vec3::new(focal, focal, 1.0));
     let e = k * fundamental * k;
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
     use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
 
-    /// `F` of two random views of focal length `f` whose optical axes are at least 0.1 rad from meeting.
+    /// `F` of two random views of focal length `f` whose optical axes are at least 0.1 rad from intersecting.
     fn fundamental(f: f64, rng: &mut fastrand::Rng) -> Matrix3<f64> {
         let pose = loop {
             let pose = random_pose(rng, 0.4, 1.0);

@@ -1,10 +1,11 @@
-//! A shot of any length, solved in windows that overlap.
+//! Reconstruction of a shot of any length in overlapping windows.
 //!
-//! A window is solved alone, so that memory holds the observations of one window. Its focal length is known beforehand where
-//! the window before told it. Neighbors are laid over each other by what they share ([`super::join`]); where they differ by
-//! more than may be seen, the shot is parted there and the parts keep coordinates of their own.
+//! Each window is solved alone, so that memory contains the observations of one window only. The focal length
+//! estimated in a window is the prior of the next one. Adjacent windows are aligned by their common cameras and points
+//! ([`super::join`]); if the difference would be visible, the shot is split there and the parts keep coordinate
+//! systems of their own.
 //!
-//! Within a window the cameras that do not explain their frame are left out, and where the rest of a window bears no
+//! Within a window the cameras that do not explain their frame are removed. If a window as a whole has no accepted
 //! cameras, the stretches that do are solved alone.
 
 use std::ops::Range;
@@ -14,35 +15,36 @@ use super::join::{fit, is_seamless, joined, overlap};
 use super::{Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, reconstruct};
 use plumbline_num::run::{Run, Stopped};
 
-/// Fewest frames that keep cameras of their own: a shorter stretch is over before its own path has been smoothed.
+/// Minimum number of frames with a coordinate system of their own: a shorter stretch ends before its own path has been
+/// smoothed.
 pub(super) const MIN_WINDOW_FRAMES: usize = 25;
-/// Frames without a camera between two stretches of one.
+/// Maximum gap without cameras, in frames, between two stretches that are bridged to one.
 const BRIDGED: usize = 8;
-/// How often a stretch is parted again.
+/// Maximum recursion depth of the splitting of a stretch.
 const DEPTH: usize = 2;
-/// Standard deviation of `ln f` from window to window, at least.
+/// Minimum standard deviation of `ln f` in the prior from the previous window.
 const STEADY_FOCAL: f64 = 2e-3;
 
-/// How long shots are parted.
+/// Partition of long shots into windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Windows {
-    /// Longest shot, frames, that is solved at once.
+    /// Maximum length, in frames, of a shot that is solved at once.
     pub longest: usize,
-    /// Most frames of a window of longer ones.
+    /// Maximum number of frames of a window of a longer shot.
     pub length: usize,
-    /// Frames that two windows share.
+    /// Number of frames shared by two windows.
     pub overlap: usize,
 }
 
 impl Default for Windows {
-    /// 30 MB of observations, and four seconds in which two windows see the same.
+    /// 30 MB of observations per window, and an overlap of four seconds.
     fn default() -> Self {
         Self { longest: 800, length: 600, overlap: 120 }
     }
 }
 
 impl Windows {
-    /// The windows of a shot, in order, as even as they can be.
+    /// The windows of a shot, in order, of lengths as even as possible.
     fn of(&self, frames: Range<usize>) -> Vec<Range<usize>> {
         if frames.len() <= self.longest.max(self.length) {
             return vec![frames];
@@ -54,7 +56,7 @@ impl Windows {
     }
 }
 
-/// Reconstructs a shot; `read` gives the tracks of some of its frames, the first of them as frame 0.
+/// Reconstructs a shot; `read` returns the tracks of a range of its frames, the first of them as frame 0.
 ///
 /// The segments cover the shot in order.
 ///
@@ -87,13 +89,13 @@ pub fn reconstruct_shot<E: From<Stopped>>(
     Ok(segments)
 }
 
-/// Focal length of a segment, and how surely it holds for the next one.
+/// Focal length of a segment, and the standard deviation of `ln f` in the prior of the next one: three times its own.
 fn focal_of(segment: &Segment) -> Option<(f64, f64)> {
     let sigma = segment.figures.sigma_ln_focal.filter(|_| segment.verdict == SfmVerdict::ThreeD)?;
     Some((segment.figures.focal, (3.0 * sigma).max(STEADY_FOCAL)))
 }
 
-/// Appends a segment that may share frames with those before.
+/// Appends a segment, merging it with the last one if they share frames and fit.
 fn push(segments: &mut Vec<Segment>, mut next: Segment, unit_px: f64) {
     while let Some(mut last) = segments.pop() {
         let shared = overlap(&last, &next);
@@ -119,7 +121,7 @@ fn push(segments: &mut Vec<Segment>, mut next: Segment, unit_px: f64) {
     }
 }
 
-/// The frame at which the second of two segments takes over: where only one knows cameras it keeps all it has.
+/// First frame of the second of two segments: if only one has cameras it keeps all of its frames.
 fn seam(last: &Segment, next: &Segment, shared: &Range<usize>) -> usize {
     match (last.verdict.has_cameras(), next.verdict.has_cameras()) {
         (true, false) => shared.end,
@@ -128,7 +130,8 @@ fn seam(last: &Segment, next: &Segment, shared: &Range<usize>) -> usize {
     }
 }
 
-/// Solves one window; what its cameras leave out, and the stretches that explain themselves where the whole does not, alone.
+/// Solves one window; frames that its cameras do not explain, and explained stretches of a failed window, are solved
+/// alone.
 fn solved<E: From<Stopped>>(
     frames: Range<usize>,
     read: &mut impl FnMut(Range<usize>) -> Result<TrackTable, E>,
@@ -165,7 +168,7 @@ fn solved<E: From<Stopped>>(
     Ok(segments)
 }
 
-/// Frames that the cameras of a window leave out.
+/// Solves the frames without an accepted camera in a window.
 fn rest<E: From<Stopped>>(
     frames: Range<usize>,
     read: &mut impl FnMut(Range<usize>) -> Result<TrackTable, E>,
@@ -188,7 +191,7 @@ fn without_cameras(frames: Range<usize>, found: Reconstruction) -> Segment {
     Segment { figures: found.figures, ..Segment::unknown(frames, verdict, found.reason) }
 }
 
-/// Stretches of explained frames that are long enough, short gaps bridged.
+/// Stretches of explained frames of sufficient length, short gaps bridged.
 fn runs(explained: &[bool]) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     for (frame, _) in explained.iter().enumerate().filter(|(_, e)| **e) {

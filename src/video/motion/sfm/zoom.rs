@@ -1,10 +1,10 @@
-//! Whether the focal length changed during a shot.
+//! Zoom detection: whether the focal length changed during a shot.
 //!
-//! A pair of views of focal lengths `f` and `s f` obeys the constraints of one camera once the second picture is shrunk by
-//! `s`. Each pair is therefore judged again with its second view divided by factors about 1: the one under which the
-//! essential matrix, or the turn, explains it best is its vote. Zoom is called where most pairs vote for a factor other than
-//! 1, in one direction, and explain clearly more under it. A camera that moves towards a plane looks the same and is not
-//! told apart; towards a scene with depth it is.
+//! A pair of views of focal lengths `f` and `s f` satisfies the constraints of one camera once the second image is
+//! scaled by `1/s`. Each pair is therefore evaluated again with its second view divided by factors about 1; its vote
+//! is the factor under which the essential matrix, or the rotation, explains it best. Zoom is reported if most pairs
+//! vote for a factor other than 1, in one direction, and explain clearly more under it. A camera that moves towards a
+//! plane cannot be distinguished from zoom; towards a scene with depth it can.
 
 use rayon::prelude::*;
 
@@ -15,18 +15,18 @@ use plumbline_camera::Intrinsics;
 use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
-/// `ln s` of the factors tried: a pair spans a second or so, in which zooms by hand or motor make 5 to 50 %.
+/// `ln s` of the scanned factors: a pair spans a second or so, in which zooms by hand or motor make 5 to 50 %.
 const LN_FACTORS: [f64; 9] = [-0.34, -0.23, -0.14, -0.06, 0.0, 0.06, 0.14, 0.23, 0.34];
-/// Noise that is assumed, px: a factor between two of those tried leaves a few pixels, and is still to be recognized.
+/// Assumed noise, px: a factor between two of the scanned ones leaves a few pixels, and must still be recognized.
 const BLUR_PX: f64 = 2.0;
-/// Pairs that are asked: the most distant ones.
+/// Number of pairs that are evaluated: the most distant ones.
 const ASKED: usize = 9;
-/// Gain of the score, per point, that counts: noise and a wrong lens give a few hundredths.
+/// Minimum gain of the score, per point, of a vote: noise and a wrong lens give a few hundredths.
 const CLEAR_GAIN: f64 = 0.15;
-/// Share of the pairs that must agree.
+/// Minimum fraction of the pairs that must agree.
 const MAJORITY: f64 = 0.6;
 
-/// Whether most distant pairs of keyframes say that the focal length changed, and by which factor in the median.
+/// The median factor of the focal length between distant keyframes, if most pairs vote for a change.
 pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics, run: &Run) -> Result<Option<f64>, Stopped> {
     let mut asked: Vec<&Edge> = edges.iter().collect();
     asked.sort_by_key(|e| (std::cmp::Reverse(e.second - e.first), e.first));
@@ -40,7 +40,7 @@ pub(super) fn zoom_between(edges: &[Edge], camera: &Intrinsics, run: &Run) -> Re
     Ok(median(&mut votes).map(f64::exp))
 }
 
-/// `ln s` of the factor that explains a pair best; 0 where none does clearly better than 1.
+/// `ln s` of the factor that explains a pair best; 0 if none is clearly better than 1.
 fn vote(edge: &Edge, camera: &Intrinsics, run: &Run) -> Result<f64, Stopped> {
     let (threshold, min_noise) = (4.0 * BLUR_PX / camera.focal, BLUR_PX / camera.focal);
     let options =
@@ -68,7 +68,7 @@ mod tests {
     use crate::motion::sfm::view_graph::view_graph;
     use plumbline_num::math::Point2;
 
-    /// What is said of a made-up shot whose focal length grows by `per_frame`.
+    /// Result for a synthetic shot whose focal length grows by `per_frame`.
     fn told(course: Course, per_frame: f64) -> Option<f64> {
         let shot = Shot::new(&ShotOptions { seed: 4, frames: 40, course, noise_px: 0.1, ..ShotOptions::default() });
         let mut frames = vec![Vec::new(); 40];

@@ -1,4 +1,4 @@
-//! Typed values in buffers.
+//! Accessors: typed values in buffer views.
 
 use super::super::ReadLimits;
 use super::buffers::{Buffers, View};
@@ -6,7 +6,7 @@ use super::document::{Accessor, Document, SparsePart};
 use super::fault;
 use crate::mesh::MeshError;
 
-/// Type of a component.
+/// Component type of an accessor.
 #[derive(Clone, Copy)]
 enum Component {
     I8,
@@ -43,7 +43,7 @@ impl Component {
         }
     }
 
-    /// The number in the first bytes; whole numbers as fractions where they are `normalized`.
+    /// Decodes the first bytes; `normalized` integers become fractions, by the formulas of the specification.
     fn value(self, bytes: &[u8], normalized: bool) -> f64 {
         let two = || [bytes[0], bytes[1]];
         let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
@@ -71,13 +71,13 @@ impl Values {
         self.numbers.len() / self.width
     }
 
-    /// The first `N` numbers of each value.
+    /// The first `N` numbers of each value; missing ones are 1 (the opacity of an RGB color).
     pub(super) fn rows<const N: usize>(&self) -> impl Iterator<Item = [f64; N]> {
         self.numbers.chunks_exact(self.width).map(|row| std::array::from_fn(|k| row.get(k).copied().unwrap_or(1.0)))
     }
 }
 
-/// Reads accessor number `index`, whose type must be among `kinds`.
+/// Reads accessor `index`, whose type must be among `kinds`.
 pub(super) fn values(
     document: &Document,
     buffers: &Buffers<'_>,
@@ -85,6 +85,7 @@ pub(super) fn values(
     kinds: &[&str],
     limits: &ReadLimits,
 ) -> Result<Values, MeshError> {
+    // Type and count; the count is limited before allocation.
     let at = format!("/accessors/{index}");
     let missing = || fault(&at, format!("there are only {} accessors", document.accessors.len()));
     let accessor = document.accessors.get(index).ok_or_else(missing)?;
@@ -104,8 +105,9 @@ pub(super) fn values(
     let component = Component::of(accessor.component_type, &at)?;
     let count = usize::try_from(accessor.count).unwrap_or(usize::MAX);
     limits.check("number of values of an accessor", count)?;
+    // Dense values, then the sparse replacements.
     let mut numbers = match accessor.buffer_view {
-        // Zeros, which a sparse part may then replace.
+        // Without a buffer view the values are zeros, which the sparse part may replace.
         None => vec![0.0; count * width],
         Some(view) => {
             let view = buffers.view(document, view, &at)?;
@@ -117,6 +119,7 @@ pub(super) fn values(
     Ok(Values { width, numbers })
 }
 
+/// Layout of equally spaced values in a buffer view.
 struct Packed {
     component: Component,
     width: usize,
@@ -150,7 +153,7 @@ impl Packed {
     }
 }
 
-/// Writes the values of the sparse part at their indices.
+/// Replaces the values at the indices of the sparse part.
 fn substitute(
     document: &Document,
     buffers: &Buffers<'_>,

@@ -1,4 +1,4 @@
-//! The bytes that a glTF document refers to.
+//! Buffers and buffer views of a glTF document.
 
 use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
@@ -22,6 +22,7 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> Buffers<'a> {
+    /// Loads all buffers; their total size is limited. Only the first may be the binary chunk of a GLB file.
     pub(super) fn load(
         document: &Document,
         binary: Option<&'a [u8]>,
@@ -49,7 +50,7 @@ impl<'a> Buffers<'a> {
         Ok(Self(buffers))
     }
 
-    /// The bytes of a view; `user` is the value that refers to it.
+    /// The bytes of a view; `user` is the JSON pointer of the value that references it, for errors.
     pub(super) fn view<'b>(&'b self, document: &Document, view: usize, user: &str) -> Result<View<'b>, MeshError> {
         let described = document.buffer_views.get(view).ok_or_else(|| {
             fault(user, format!("refers to buffer view {view}; there are {}", document.buffer_views.len()))
@@ -72,7 +73,7 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes at an address: `data:` or a file in the folder.
+/// The bytes at a URI: `data:` or a file in the folder.
 fn fetch(uri: &str, folder: Option<&Path>, limit: u64, at: &str) -> Result<Vec<u8>, MeshError> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (kind, text) = data.split_once(',').ok_or_else(|| fault(at, "a `data:` address without data"))?;
@@ -98,7 +99,7 @@ fn inside(uri: &str, folder: Option<&Path>, at: &str) -> Result<PathBuf, MeshErr
     let missing = |e: std::io::Error| fault(at, format!("{uri:?} cannot be read: {e}"));
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let whole = folder.join(path).canonicalize().map_err(missing)?;
-    // Links may lead out as well.
+    // Symbolic links may lead outside as well.
     let home = folder.canonicalize().map_err(missing)?;
     if whole.starts_with(home) { Ok(whole) } else { Err(refused()) }
 }

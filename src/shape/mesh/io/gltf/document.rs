@@ -1,4 +1,5 @@
-//! The parts of a glTF document that hold geometry and how it moves. Materials, textures and images are carried as they stand.
+//! The parts of a glTF document for geometry, skinning and animation. Materials, textures and images are passed through
+//! unparsed.
 
 use std::collections::BTreeMap;
 

@@ -1,11 +1,11 @@
 //! glTF 2.0, as JSON (`.gltf`) or in one binary file (`.glb`).
 //!
-//! Read: all triangles, strips and fans of the scene, moved by their nodes; positions, normals, first texture coordinates and
-//! colors, also quantized or sparse; names of nodes as objects; materials with what they refer to, carried along unread. A skinned
-//! mesh stands in its bind pose, as the format asks. Nodes, skins with up to eight influences a vertex, morph targets and
-//! animations are kept as an [`Articulation`](crate::mesh::model::articulation::Articulation) and written again. Cameras and
-//! lights are left out. Buffers may stand in the file, in `data:` addresses or in files of the same folder; nothing outside it is
-//! opened.
+//! Read: all triangles, strips and fans of the scene, transformed by their nodes; positions, normals, the first sets of texture
+//! coordinates and colors, also quantized or sparse; node names as objects; materials with their textures, samplers and images,
+//! passed through unparsed. A skinned mesh is read in its bind pose, as the specification requires. Nodes, skins with up to
+//! eight influences per vertex, morph targets and animations are preserved as an
+//! [`Articulation`](crate::mesh::model::articulation::Articulation) and written again. Cameras and lights are ignored. Buffers
+//! may be in the file, in `data:` URIs or in files of the same folder; nothing outside that folder is opened.
 //!
 //! # Reference
 //! Khronos Group, *glTF 2.0 specification*, ISO/IEC 12113.
@@ -30,14 +30,15 @@ use plumbline_num::run::Run;
 
 pub(super) use write::{MAX_INFLUENCES, write};
 
-/// Required extensions under which the geometry can be read all the same.
+/// Prefixes of required extensions that do not prevent reading the geometry: quantization is supported, and the others concern
+/// textures, materials and lights only.
 const HARMLESS: [&str; 5] = ["KHR_mesh_quantization", "KHR_texture_", "KHR_materials_", "EXT_texture_", "KHR_lights_"];
 
 fn fault(at: impl Into<String>, told: impl Into<String>) -> MeshError {
     malformed(MeshFormat::Gltf, Position::Json(at.into()), told)
 }
 
-/// Reads the file. `folder` contains the files that it refers to.
+/// Reads the file. `folder` contains the files that it references.
 pub(super) fn read(
     bytes: &[u8],
     format: MeshFormat,
@@ -63,7 +64,8 @@ pub(super) fn read(
     Ok(builder)
 }
 
-/// The JSON chunk of a binary file, and its buffer.
+/// The JSON chunk and the optional binary chunk of a GLB file. Layout: a 12-byte header (magic, version, length), then chunks
+/// of length, type and data; unknown chunks are skipped.
 fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     let fault = |at: usize, told: String| malformed(MeshFormat::Glb, Position::Byte(at), told);
     let word = |at: usize| {
@@ -99,7 +101,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     Ok((json, binary))
 }
 
-/// Textures, samplers and images of the materials; images in buffers with their bytes.
+/// Textures, samplers and images of the materials; images in buffer views with their bytes.
 fn assets(document: &Document, buffers: &Buffers<'_>) -> Result<Option<GltfAssets>, MeshError> {
     let (mut images, mut image_bytes) = (document.images.clone(), Vec::new());
     for (k, image) in images.iter_mut().enumerate() {

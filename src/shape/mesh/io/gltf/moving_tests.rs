@@ -1,4 +1,4 @@
-//! Laws of what moves: skins, morph targets, animations.
+//! Tests of skins, morph targets and animations.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -9,14 +9,14 @@ use crate::mesh::model::articulation::{ChannelInterpolation, Property};
 use crate::mesh::{MeshError, Model, RepairOptions, repair};
 use plumbline_num::run::Run;
 
-/// What is done to a document.
+/// A modification of a document.
 type Change = fn(&mut Value);
 
-/// A document in the making.
+/// Builder of a document.
 struct Document(Value);
 
 impl Document {
-    /// Adds a buffer of its own with these bytes as an accessor.
+    /// Adds an accessor with a separate buffer of the given bytes.
     fn accessor(&mut self, bytes: &[u8], component: u32, count: usize, kind: &str) -> usize {
         let d = &mut self.0;
         let uri = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes));
@@ -36,7 +36,7 @@ impl Document {
     }
 }
 
-/// Accessors: 0 positions, 1 joints, 2 weights, 3 matrices, 4 offsets, 5 times, 6 turns, 7 weights of targets.
+/// Accessors: 0 positions, 1 joints, 2 weights, 3 matrices, 4 offsets, 5 key times, 6 rotations, 7 morph weights.
 fn moving() -> Value {
     let empty = json!({ "asset": { "version": "2.0" }, "buffers": [], "bufferViews": [], "accessors": [] });
     let mut d = Document(empty);

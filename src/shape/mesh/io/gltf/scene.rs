@@ -1,4 +1,4 @@
-//! The triangles of a scene, moved by its nodes.
+//! The triangles of a scene, transformed by its nodes.
 
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
@@ -11,10 +11,10 @@ use crate::mesh::model::articulation::{Articulation, Instance, MorphTarget};
 use crate::mesh::{Group, Material, MeshError, ModelBuilder, NO_VALUE};
 use plumbline_num::run::Run;
 
-/// Triangles of one primitive as numbers of its vertices.
+/// Triangles of one primitive, as indices of its vertices.
 type Triangles = Vec<[u32; 3]>;
 
-/// Placement of a mesh.
+/// Transform, skin and morph targets of the instance that is being read.
 struct Stand {
     matrix: Matrix4<f64>,
     skin: Option<usize>,
@@ -26,9 +26,9 @@ struct Scene<'a> {
     builder: ModelBuilder,
     articulation: Articulation,
     world_from_nodes: Vec<Matrix4<f64>>,
-    /// Left out: primitives of points and lines, channels of animations, influences beyond the second set.
+    /// Counts of ignored contents: primitives of points and lines, animation channels, influences beyond the second set.
     skipped: [usize; 3],
-    /// Vertices whose weights have another sum than one.
+    /// Number of vertices whose skinning weights do not sum to one.
     odd_weights: usize,
 }
 
@@ -55,7 +55,7 @@ pub(super) fn read(input: &Input<'_>, run: &Run) -> Result<ModelBuilder, MeshErr
 }
 
 impl Scene<'_> {
-    /// The model in the making, with what moves where anything does.
+    /// The builder with the warnings, and with the articulation if there is a skin, a morph target or an animation channel.
     fn finish(mut self) -> Result<ModelBuilder, MeshError> {
         let (animations, skipped) = animations::read(self.input, &self.articulation)?;
         self.articulation.animations = animations;
@@ -83,6 +83,7 @@ impl Scene<'_> {
         Ok(self.builder)
     }
 
+    /// Reads the meshes of the scene, by depth-first traversal of its nodes.
     fn nodes(&mut self, run: &Run) -> Result<(), MeshError> {
         let document = self.input.document;
         let mut seen = vec![false; document.nodes.len()];
@@ -107,6 +108,7 @@ impl Scene<'_> {
         Ok(())
     }
 
+    /// Root nodes: those of the default scene, or, without scenes, the nodes without a parent.
     fn roots(&self) -> Result<Vec<usize>, MeshError> {
         let document = self.input.document;
         let scene = document.scene.unwrap_or(0);
@@ -125,22 +127,24 @@ impl Scene<'_> {
         Ok((0..document.nodes.len()).filter(|&node| !is_child[node]).collect())
     }
 
+    /// Reads a mesh as the instance at a node.
     fn mesh(&mut self, index: usize, node: Option<usize>, run: &Run) -> Result<(), MeshError> {
         let document = self.input.document;
         let at = format!("/meshes/{index}");
         let there = document.meshes.len();
         let mesh: &Mesh =
             document.meshes.get(index).ok_or_else(|| fault(&at, format!("there are only {there} meshes")))?;
+        // Name, skin, transform and morph targets of the instance.
         let described = node.map(|node| &document.nodes[node]);
         let object = described.and_then(|n| n.name.as_deref()).or(mesh.name.as_deref()).unwrap_or_default().to_owned();
         let skin = described.and_then(|n| n.skin);
         let mut stand = Stand {
-            // A skinned mesh is in its bind pose.
+            // A skinned mesh is in its bind pose: by the specification its node transform is ignored.
             matrix: node.filter(|_| skin.is_none()).map_or_else(Matrix4::identity, |n| self.world_from_nodes[n]),
             skin,
             targets: targets::of_mesh(mesh, described, &at)?,
         };
-        // Primitives with common vertices keep them common.
+        // Primitives with the same attributes and targets have the same vertices: they are read once.
         let mut read: Vec<(&Primitive, u32)> = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             run.check()?;
@@ -156,6 +160,7 @@ impl Scene<'_> {
                 None => self.vertices(primitive, &mut stand, &at)?,
             };
             read.push((primitive, first));
+            // Object and group names: those of the writer of this crate in `extras`, else the node's or the mesh's.
             let extra = |key: &str| primitive.extras.as_ref()?.get(key)?.as_str().map(str::to_owned);
             let group = Group {
                 object: extra("object").unwrap_or_else(|| object.clone()),
@@ -172,18 +177,19 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// Number of a primitive's vertices.
+    /// Number of vertices of a primitive.
     fn count_of(&self, primitive: &Primitive) -> usize {
         let accessors = &self.input.document.accessors;
         let accessor = primitive.attributes.get("POSITION").and_then(|&index| accessors.get(index));
         accessor.map_or(0, |a| a.count as usize)
     }
 
-    /// Adds the vertices of a primitive; the number of the first.
+    /// Adds the vertices of a primitive; returns the index of the first.
     fn vertices(&mut self, primitive: &Primitive, stand: &mut Stand, at: &str) -> Result<u32, MeshError> {
         let (input, matrix) = (self.input, stand.matrix);
         let attribute = |name: &str| primitive.attributes.get(name).copied();
         let read = |index: usize, kinds: &[&str]| input.values(index, kinds);
+        // Attributes, with equal counts.
         let position = attribute("POSITION").ok_or_else(|| fault(at, "has no attribute POSITION"))?;
         let positions = read(position, &["VEC3"])?;
         let normals = attribute("NORMAL").map(|index| read(index, &["VEC3"])).transpose()?;
@@ -198,12 +204,14 @@ impl Scene<'_> {
         let builder = &mut self.builder;
         let first = builder.positions.len();
         input.limits.check("number of vertices", first + count)?;
+        // Positions in the space of the model.
         for (k, xyz) in positions.rows::<3>().enumerate() {
             let p = matrix.transform_point(&Point3::from(xyz));
             let place = || crate::mesh::Position::Json(format!("/accessors/{position}, item {k}"));
             builder.positions.push(super::super::finite(super::MeshFormat::Gltf, place, first + k, p.coords.into())?);
         }
-        // One value per vertex; where a primitive has none, zeros fill the gap and no corner refers to them.
+        // Normals, texture coordinates and colors are indexed by vertex; zeros pad primitives without them, unreferenced.
+        // v is flipped: glTF has its origin at the top, [`Model`](crate::mesh::Model) at the bottom.
         builder.normals.values.resize(if normals.is_some() { first } else { builder.normals.values.len() }, [0.0; 3]);
         let turn = normal_matrix(&matrix);
         for row in normals.iter().flat_map(Values::rows::<3>) {
@@ -222,7 +230,7 @@ impl Scene<'_> {
         Ok(first as u32)
     }
 
-    /// What the vertices of a primitive follow, and how they are morphed.
+    /// Adds the instance, the skinning weights and the morph targets of the vertices of a primitive.
     fn movement(
         &mut self,
         primitive: &Primitive,
@@ -248,6 +256,7 @@ impl Scene<'_> {
         Ok(())
     }
 
+    /// Triangles of a primitive by its mode: 4 triangles, 5 triangle strip, 6 triangle fan.
     fn triangles(&self, primitive: &Primitive, count: usize, at: &str) -> Result<Triangles, MeshError> {
         let indices: Vec<u32> = match primitive.indices {
             None => (0..count as u32).collect(),
@@ -275,6 +284,7 @@ impl Scene<'_> {
         }
     }
 
+    /// Adds the triangles of a primitive, with reversed orientation if the transform is a reflection.
     fn faces(
         &mut self,
         primitive: &Primitive,
@@ -306,7 +316,8 @@ impl Scene<'_> {
     }
 }
 
-/// Cofactors: the inverse transpose but for a factor, which exists for singular matrices too.
+/// Transform of normals: the cofactor matrix, which is the inverse transpose up to a positive factor and exists for singular
+/// matrices too.
 pub(super) fn normal_matrix(matrix: &Matrix4<f64>) -> Matrix3<f64> {
     let m = matrix.fixed_view::<3, 3>(0, 0).into_owned();
     let column = |k: usize| m.column(k).into_owned();

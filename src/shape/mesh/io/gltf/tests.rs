@@ -15,7 +15,7 @@ fn fault_of(document: &serde_json::Value) -> String {
     decode(document.to_string().as_bytes(), MeshFormat::Gltf).map(|_| ()).expect_err("to be refused").to_string()
 }
 
-/// What is done to a document.
+/// A modification of a document.
 type Change = fn(&mut serde_json::Value);
 
 /// A square of four vertices as floats, two triangles as bytes; one node.

@@ -1,8 +1,8 @@
 //! Wavefront OBJ.
 //!
-//! Read: `v` (with colors after the position), `vt`, `vn`, `f` of any number of corners, indices from 1 or negative from the end,
-//! `o`, `g`, `usemtl`, `mtllib`, lines continued by `\`. Smoothing groups are left out: normals say the same. Curves, surfaces,
-//! lines and points are left out with a warning.
+//! Read: `v` (with vertex colors after the position), `vt`, `vn`, `f` with any number of corners, indices from 1 or negative
+//! (relative to the end), `o`, `g`, `usemtl`, `mtllib`, line continuation by `\`. Smoothing groups are ignored: the normals
+//! have the same information. Curves, surfaces, lines and points are ignored with a warning.
 //!
 //! # Reference
 //! Wavefront Technologies, *Advanced Visualizer manual*, appendix B1.
@@ -18,7 +18,8 @@ use plumbline_num::run::Run;
 
 pub(super) use write::write;
 
-/// Statements that do not affect the shape.
+/// Statements ignored without a warning: smoothing groups, level of detail, shadow and ray-tracing objects and merging groups
+/// (appendix B1) do not affect the polygons.
 const SILENT: [&[u8]; 5] = [b"s", b"lod", b"shadow_obj", b"trace_obj", b"mg"];
 
 struct Reader {
@@ -26,11 +27,11 @@ struct Reader {
     group: Group,
     group_number: u32,
     material: u32,
-    /// Line number of each face, for errors about indices that prove to be out of range.
+    /// Line number of each face, for errors about indices out of range, which are known only at the end of the file.
     lines: Vec<usize>,
-    /// Some vertex has a color.
+    /// Whether a vertex so far has a color.
     colored: bool,
-    /// Statements left out: first line and number.
+    /// Ignored statements by keyword: first line and count.
     skipped: BTreeMap<Vec<u8>, (usize, usize)>,
     corners: [Vec<u32>; 3],
 }
@@ -49,6 +50,7 @@ pub(super) fn read(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
     };
     let mut lines = Lines::of(bytes);
     let mut joined = Vec::new();
+    // Join continued lines into logical lines; `joined` has the text before the current line.
     while let Some((line, text)) = lines.next() {
         run.check()?;
         let text = text.trim_ascii_end();
@@ -76,8 +78,9 @@ fn fault(line: usize, fault: impl Into<String>) -> MeshError {
 }
 
 impl Reader {
+    /// Reads one logical line.
     fn statement(&mut self, line: usize, text: &[u8]) -> Result<(), MeshError> {
-        // A comment starts at the line start or after a space: some programs write `1.#IND` for NaN.
+        // A comment starts at the beginning of a line or after white space: some programs write `1.#IND` for NaN.
         let begins = |k: &usize| text[*k] == b'#' && (*k == 0 || text[k - 1].is_ascii_whitespace());
         let text = &text[..(0..text.len()).find(begins).unwrap_or(text.len())];
         let mut words = words(text);
@@ -136,7 +139,7 @@ impl Reader {
         builder.positions.push(position);
         self.colored |= count >= 6;
         let color = if count >= 6 { [r, g, b, if count == 7 { a } else { 1.0 }] } else { [1.0; 4] };
-        // Colors are rare: where there are none, none are kept.
+        // Colors are rare: store none until the first one.
         if self.colored {
             builder.colors.resize(builder.positions.len() - 1, [1.0; 4]);
             builder.colors.push(color.map(|c| c as f32));
@@ -167,8 +170,10 @@ impl Reader {
         Ok(())
     }
 
+    /// Checks the indices, normalizes the colors and lists ignored statements.
     fn finish(mut self, last: usize) -> Result<ModelBuilder, MeshError> {
         let builder = &mut self.builder;
+        // Indices may refer to elements after the face, so they are checked last.
         if builder.positions.is_empty() {
             return Err(fault(last, "no vertices (`v x y z`); this may be no OBJ file"));
         }
@@ -186,7 +191,7 @@ impl Reader {
                 }
             }
         }
-        // Some programs write 0 to 255.
+        // Some programs write colors as 0 to 255 instead of 0 to 1.
         if builder.colors.iter().flatten().any(|&c| c > 1.0) {
             builder.colors.iter_mut().for_each(|color| color[..3].iter_mut().for_each(|c| *c /= 255.0));
         }
@@ -198,7 +203,7 @@ impl Reader {
     }
 }
 
-/// Index of a corner from 0. `part` is 0 for the vertex, 1 for the texture coordinate, 2 for the normal.
+/// Zero-based index of a corner. `part` is 0 for the vertex, 1 for the texture coordinate, 2 for the normal.
 fn index(line: usize, text: &[u8], count: usize, part: usize) -> Result<u32, MeshError> {
     let what = ["vertex", "texture coordinate", "normal"][part];
     let given: i64 = super::text::whole(text).ok_or_else(|| {
@@ -221,7 +226,7 @@ fn index(line: usize, text: &[u8], count: usize, part: usize) -> Result<u32, Mes
     }
 }
 
-/// The first `N` numbers, at least `least` of them; missing ones are zero.
+/// The first `N` numbers, at least `least` of them; missing and non-finite ones are zero.
 fn numbers<'a, const N: usize>(
     line: usize,
     keyword: &str,

@@ -1,11 +1,11 @@
-//! The writing of OBJ.
+//! OBJ writer.
 
 use std::io::{self, Write};
 
 use super::super::write::{Number, one_line};
 use crate::mesh::{Model, NO_VALUE};
 
-/// Writes the model: polygons as they were, numbers so that they read back the same.
+/// Writes the model with its original polygons; numbers round-trip exactly.
 pub(in crate::mesh::io) fn write(model: &Model, out: &mut impl Write) -> io::Result<()> {
     for name in model.material_files() {
         writeln!(out, "mtllib {}", one_line(name))?;
@@ -31,6 +31,7 @@ pub(in crate::mesh::io) fn write(model: &Model, out: &mut impl Write) -> io::Res
     faces(model, out)
 }
 
+/// Writes the faces, with object, group and material statements where these change.
 fn faces(model: &Model, out: &mut impl Write) -> io::Result<()> {
     let (mut object, mut group, mut material) = ("", "", "");
     for face in 0..model.faces().len() {

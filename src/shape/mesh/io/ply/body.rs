@@ -1,11 +1,11 @@
-//! The values of a PLY file, one after the other.
+//! Sequential decoding of the values of a PLY file.
 
 use super::super::text::Words;
 use super::super::{MeshFormat, malformed};
 use super::header::{Element, Encoding, Header, Property, Scalar, Shape};
 use crate::mesh::{MeshError, Position};
 
-/// What follows the header.
+/// The file contents after the header.
 pub(super) enum Body<'a> {
     Text(Words<'a>),
     Binary { bytes: &'a [u8], at: usize, big: bool },
@@ -47,13 +47,13 @@ impl<'a> Body<'a> {
     /// Rejects an element with more items than the rest of the file can contain, before allocation.
     pub(super) fn holds(&self, element: &Element) -> Result<(), MeshError> {
         let least = |property: &Property| match (self, property.shape) {
-            // A digit and a space.
+            // At least a digit and a space.
             (Self::Text(_), _) => 2,
             (Self::Binary { .. }, Shape::One(scalar) | Shape::List(scalar, _)) => scalar.size() as u64,
         };
         let size: u64 = element.properties.iter().map(least).sum();
         let (left, count) = (self.remaining() as u64, element.count);
-        // The last word of a text may lack its space.
+        // The last word of a text file may lack its space.
         if count.saturating_mul(size) > left + 1 {
             let name = &element.name;
             let told = format!(
@@ -87,7 +87,7 @@ impl<'a> Body<'a> {
         move || malformed(MeshFormat::Ply, place, "the file ends inside an element; it is cut short")
     }
 
-    /// The next list, which `property` describes.
+    /// The next list, of the types of `property`. Its length is checked against the remaining file size before allocation.
     pub(super) fn list(&mut self, property: &Property, into: &mut Vec<f64>) -> Result<(), MeshError> {
         into.clear();
         let Shape::List(count, item) = property.shape else { return Ok(()) };
@@ -105,6 +105,7 @@ impl<'a> Body<'a> {
     }
 }
 
+/// Decodes a binary value of either byte order.
 fn decoded(scalar: Scalar, value: &[u8], big: bool) -> f64 {
     let mut raw = [0; 8];
     for (k, &byte) in value.iter().enumerate() {

@@ -4,7 +4,7 @@ use super::super::text::{shown, whole, words};
 use super::super::{MeshFormat, malformed};
 use crate::mesh::{MeshError, Position};
 
-/// How values are written.
+/// Encoding of the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -12,7 +12,7 @@ pub(super) enum Encoding {
     Big,
 }
 
-/// Type of a number.
+/// Scalar type of the format, under its old or its sized name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -50,13 +50,13 @@ impl Scalar {
         }
     }
 
-    /// The value of full intensity.
+    /// The value of full color intensity.
     pub(super) fn full(self) -> f64 {
         match self {
             Self::I8 => 127.0,
             Self::I16 => 32_767.0,
             Self::U16 => 65_535.0,
-            // Some programs write bytes as int.
+            // Some programs declare bytes as int.
             Self::U8 | Self::I32 | Self::U32 => 255.0,
             Self::F32 | Self::F64 => 1.0,
         }
@@ -87,15 +87,16 @@ pub(super) struct Element {
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// First byte after it.
+    /// Offset of the first byte after the header.
     pub(super) end: usize,
-    /// Line of that byte.
+    /// Line number of that byte.
     pub(super) line: usize,
 }
 
 impl Header {
-    /// Reads up to `end_header`. Lines end in `\n`, `\r\n` or `\r`, as the first does.
+    /// Reads the header up to `end_header`. The line ending is that of the first line: `\n`, `\r\n` or `\r`.
     pub(super) fn read(bytes: &[u8]) -> Result<Self, MeshError> {
+        // Line ending, from the magic line.
         let lone_return = bytes.starts_with(b"ply\r") && !bytes.starts_with(b"ply\r\n");
         let ending = if lone_return { b'\r' } else { b'\n' };
         let mut header = Self { encoding: Encoding::Ascii, elements: Vec::new(), end: 0, line: 0 };
@@ -125,6 +126,7 @@ impl Header {
         Ok(header)
     }
 
+    /// Reads one statement of the header.
     fn statement(&mut self, text: &[u8], encoding: &mut Option<Encoding>) -> Result<(), MeshError> {
         let line = self.line;
         let mut words = words(text);

@@ -1,8 +1,8 @@
-//! PLY, the Stanford polygon file: as text, or binary of either byte order.
+//! PLY, the Stanford polygon file format: as text, or binary in either byte order.
 //!
-//! Read from element `vertex`: `x y z`, `nx ny nz`, `red green blue alpha` (whole or fractions), `s t` (also `u v`, `texture_u
-//! texture_v`); from `face`: the list `vertex_indices` (also `vertex_index`) and `texcoord`, two numbers per corner; `tristrips`
-//! as in the files of the Stanford repository. All other elements and properties are skipped, whatever their types.
+//! Read from element `vertex`: `x y z`, `nx ny nz`, `red green blue alpha` (integers or fractions), `s t` (also `u v`,
+//! `texture_u texture_v`); from `face`: the list `vertex_indices` (also `vertex_index`) and `texcoord`, two numbers per corner;
+//! `tristrips` as in the files of the Stanford repository. All other elements and properties are skipped, for any type.
 //!
 //! # Reference
 //! G. Turk, *The PLY polygon file format*, 1994.
@@ -47,6 +47,7 @@ enum Slot {
     None,
 }
 
+/// Destination of a property by name; integer colors are scaled to 0 to 1.
 fn slot(property: &Property) -> Slot {
     let Shape::One(scalar) = property.shape else { return Slot::None };
     let color = |k| Slot::Color(k, 1.0 / scalar.full());
@@ -73,6 +74,7 @@ fn read_vertices(
     builder: &mut ModelBuilder,
     run: &Run,
 ) -> Result<(), MeshError> {
+    // Layout: which properties the element has; an incomplete normal, color or texture coordinate is ignored.
     let slots: Vec<_> = element.properties.iter().map(slot).collect();
     let has = |wanted: fn(&Slot) -> bool| slots.iter().filter(|s| wanted(s)).count();
     if has(|s| matches!(s, Slot::Position(_))) < 3 {
@@ -81,6 +83,7 @@ fn read_vertices(
     let normals = has(|s| matches!(s, Slot::Normal(_))) >= 3;
     let colors = has(|s| matches!(s, Slot::Color(..))) >= 3;
     let texture = has(|s| matches!(s, Slot::Texture(_))) >= 2;
+    // Values, in the order of the properties. The count was checked against the file size.
     builder.positions.reserve(element.count as usize);
     for _ in 0..element.count {
         run.check()?;
@@ -128,9 +131,11 @@ fn read_faces(
         let is = |p: &Property| names.contains(&p.name.as_str()) && matches!(p.shape, Shape::List(..));
         element.properties.iter().position(is)
     };
+    // Layout: the list of vertex indices, optionally the list of texture coordinates.
     let indices = named(&["vertex_indices", "vertex_index"])
         .ok_or_else(|| body.fault("element `face` has no list `vertex_indices`"))?;
     let texcoord = named(&["texcoord"]);
+    // Values, in the order of the properties.
     let (mut corners, mut list, mut small) = (Vec::new(), Vec::new(), 0);
     let per_corner = texcoord.is_some();
     for _ in 0..element.count {
@@ -168,6 +173,7 @@ fn read_faces(
     Ok(())
 }
 
+/// Adds a face; its texture coordinates are per corner if the file has them so, else per vertex.
 fn add_face(builder: &mut ModelBuilder, corners: &[u32], uvs: Option<&Vec<f64>>) {
     builder.face(corners, NO_VALUE, NO_VALUE);
     builder.normals.of_corner.extend(corners);
@@ -183,6 +189,7 @@ fn add_face(builder: &mut ModelBuilder, corners: &[u32], uvs: Option<&Vec<f64>>)
     }
 }
 
+/// The value as a vertex index; `None` if it is no integer in range.
 fn vertex_number(value: f64, vertices: u64) -> Option<u32> {
     let fits = value >= 0.0 && value < vertices as f64 && value.fract() == 0.0;
     fits.then_some(value as u32)
@@ -192,7 +199,7 @@ fn no_vertex(value: f64, vertices: u64) -> String {
     format!("a face names vertex {value}; the file has {vertices}, numbered from 0")
 }
 
-/// Strips of triangles, each ended by −1.
+/// Triangle strips, separated by −1. Every second triangle of a strip has reversed orientation.
 fn read_strips(
     body: &mut Body<'_>,
     element: &Element,
@@ -225,9 +232,10 @@ fn read_strips(
     Ok(())
 }
 
+/// Skips an element, with a warning.
 fn skip(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuilder) -> Result<(), MeshError> {
     let mut list = Vec::new();
-    // An element without properties has size zero, whatever its count: nothing to skip.
+    // An element without properties has size zero for any count: nothing to skip, and a hostile count costs no time.
     for _ in 0..if element.properties.is_empty() { 0 } else { element.count } {
         for property in &element.properties {
             match property.shape {

@@ -43,7 +43,7 @@ fn coordinates_that_need_eight_bytes_get_them() {
     assert_eq!(read_back(&written(&far, false)).expect("valid").mesh(), far.mesh());
 }
 
-/// A triangle with all types, unknown elements before and after, byte by byte in either order.
+/// A triangle with all scalar types, and unknown elements before and after, in either byte order.
 fn typed(big: bool) -> Vec<u8> {
     let format = if big { "binary_big_endian" } else { "binary_little_endian" };
     let mut bytes = format!(

@@ -1,29 +1,29 @@
-//! The writing of PLY.
+//! PLY writer.
 
 use std::io::{self, Write};
 
 use super::super::write::{Number, per_vertex};
 use crate::mesh::{CornerData, Model};
 
-/// Attributes of vertices and faces in the file.
+/// Layout of the vertex and face elements of the file.
 #[expect(clippy::struct_excessive_bools, reason = "each is a choice of the file's own")]
 struct Layout<'a> {
     model: &'a Model,
-    /// Positions need eight bytes to read back the same.
+    /// Positions need double precision to round-trip.
     double: bool,
     normals: Option<Vec<[f64; 3]>>,
     texture: Option<Vec<[f64; 2]>>,
     corner_texture: Option<&'a CornerData<2>>,
-    /// Colors are whole numbers of 255.
+    /// All colors are multiples of 1/255 and are written as bytes.
     bytes: bool,
     alpha: bool,
-    /// Some polygon has more corners than a byte can count twice over.
+    /// A polygon has more than 127 corners: its list of texture coordinates, two per corner, would overflow a byte count.
     long: bool,
     ascii: bool,
 }
 
-/// Writes the model: positions as float where that holds them exactly, else as double; texture coordinates with the vertices
-/// where none has two, else with the faces.
+/// Writes the model: positions as float if that is exact, else as double; texture coordinates per vertex if each vertex has
+/// only one, else per face corner.
 pub(in crate::mesh::io) fn write(model: &Model, ascii: bool, out: &mut impl Write) -> io::Result<()> {
     let layout = Layout::of(model, ascii);
     layout.header(out)?;
@@ -84,7 +84,8 @@ impl<'a> Layout<'a> {
         writeln!(out, "end_header")
     }
 
-    /// Most files have a byte; a polygon may have more than 127 corners, of which texture coordinates are two each.
+    /// Type of list lengths: a byte as in most files, unless a polygon has more than 127 corners with two texture coordinates
+    /// each.
     fn length_type(&self) -> &'static str {
         if self.long { "uint" } else { "uchar" }
     }
@@ -123,7 +124,7 @@ impl<'a> Layout<'a> {
     }
 }
 
-/// The values of one item.
+/// Writer of the values of one item.
 struct Row<'a, W> {
     ascii: bool,
     first: bool,

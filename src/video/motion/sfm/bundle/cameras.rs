@@ -1,4 +1,4 @@
-//! The cameras of all frames at one point of the space that is searched.
+//! Cameras of all frames at one point of the parameter space.
 
 use nalgebra::Matrix3;
 
@@ -9,7 +9,7 @@ use super::shutter::{Stencil, neighbors};
 use plumbline_camera::{Intrinsics, Vec3};
 use plumbline_num::math::Point2;
 
-/// Lens, views and how they move.
+/// Lens, views and row motion of all frames.
 #[derive(Clone, Debug)]
 pub(super) struct Cameras {
     lens: Intrinsics,
@@ -21,7 +21,7 @@ pub(super) struct Cameras {
 }
 
 impl Cameras {
-    /// Cameras to be put in place by [`Self::place`].
+    /// Cameras without poses; [`Self::place`] sets them.
     pub(super) fn new(layout: &Layout, center: Point2) -> Self {
         let origin = View { rotation: Matrix3::identity(), translation: Vec3::zeros() };
         let frames = layout.slot.len();
@@ -33,7 +33,7 @@ impl Cameras {
         }
     }
 
-    /// Moves the cameras in use to where the parameters say.
+    /// Sets the cameras in use from the parameters.
     pub(super) fn place(&mut self, parameters: &Parameters, layout: &Layout) {
         self.lens.focal = parameters.shared[LN_FOCAL].exp();
         self.lens.k1 = parameters.shared[K1];
@@ -64,7 +64,7 @@ impl Cameras {
         Anchored::new(ray, &self.views[anchor])
     }
 
-    /// Whether an observation tells nothing of poses: the anchor sees its own ray.
+    /// Whether an observation carries no information on poses: the anchor observes its own ray.
     pub(super) fn is_own_ray(&self, frame: usize, anchor: usize) -> bool {
         frame == anchor && self.stencils.is_empty()
     }

@@ -1,38 +1,38 @@
-//! What a bundle adjustment can refuse.
+//! Errors of bundle adjustment.
 
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
-/// Why nothing could be adjusted.
+/// Why an adjustment was refused or ended early.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BundleError {
-    /// Input: a setting out of range.
+    /// Input: an option out of range.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// Input: a scene or an observation with a value that is not a number, or a lens without focal length.
+    /// Input: a non-finite value in the scene or in an observation, or a lens without focal length.
     #[error("{what} is not finite or not valid; leave it out or set it to none")]
     NotFinite {
         /// The offending value.
         what: String,
     },
-    /// Input: nothing to adjust.
+    /// Input: no points to adjust.
     #[error("{found} points are seen by two known frames (expected at least {least}); triangulate first")]
     TooFewPoints {
-        /// Points that could be used.
+        /// Number of usable points.
         found: usize,
-        /// Least number.
+        /// Required minimum.
         least: usize,
     },
-    /// Input: a pose from too little.
+    /// Input: too few points for a pose.
     #[error("{found} known points are seen (expected at least {least}); a pose needs more")]
     TooFewObservations {
-        /// Observations of known points.
+        /// Number of observations of known points.
         found: usize,
-        /// Least number.
+        /// Required minimum.
         least: usize,
     },
-    /// The run was interrupted, or its time is used up.
+    /// The run was interrupted, or its time limit was reached.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
 }

@@ -1,4 +1,5 @@
-//! Which observations are used, which unknowns they move, and where each unknown stands in the system.
+//! Problem structure: the observations used, the unknowns each depends on, and the index of each unknown in the
+//! system.
 
 use super::BundleError;
 use super::parameters::{K1, LN_FOCAL, Parameters, READOUT, Ray, SHARED};
@@ -7,14 +8,16 @@ use crate::motion::sfm::{Observation, Scene};
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Point2;
 
-/// Unknowns of a pose.
+/// Unknowns of a pose: three of the rotation, three of the translation.
 pub(super) const POSE: usize = 6;
 
-/// Parts of the tracks that are summed up side by side. Each has a reduced system of its own, as large as the whole one: with
+/// Number of parts of the tracks that are accumulated in parallel. Each part has a reduced system of its own, as large
+/// as the whole one: with four parts, clearing and adding these systems takes a third of the time of the accumulation
+/// itself.
 /// four of them the time to clear and to add them is a third of that to sum them up.
 const PARTS: usize = 2;
 
-/// Where a point was seen.
+/// An image observation of a track.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TrackObservation {
     pub(super) frame: usize,
@@ -24,36 +27,36 @@ pub(super) struct TrackObservation {
 /// A point in use.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
-    /// Index in the scene.
+    /// Index of the point in the scene.
     pub(super) point: usize,
     pub(super) anchor: usize,
-    /// Range of [`Layout::observations`].
+    /// Range of its observations in [`Layout::observations`].
     pub(super) observations: std::ops::Range<usize>,
-    /// Slots of free poses that it may touch, without gaps.
+    /// Contiguous range of slots of free poses that contains every pose the point depends on.
     pub(super) slots: std::ops::Range<usize>,
 }
 
 /// The structure of a problem.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// By first slot, then last, then point.
+    /// Sorted by first slot, then last slot, then point.
     pub(super) tracks: Vec<Track>,
-    /// Track after track, each by frame.
+    /// Grouped by track, each group sorted by frame.
     pub(super) observations: Vec<TrackObservation>,
-    /// Frames whose cameras take part.
+    /// By frame: whether its camera takes part.
     used: Vec<bool>,
-    /// Slot of each frame with a free pose.
+    /// By frame: slot of its pose; `None` for a fixed or unused pose.
     pub(super) slot: Vec<Option<usize>>,
     /// Number of free poses.
     pub(super) free: usize,
-    /// Whether rows of a frame are told apart.
+    /// Whether the rows of a frame have separate poses (rolling shutter).
     pub(super) rolling: bool,
-    /// Unknowns of the reduced system that are held: the scale's, and shared ones.
+    /// Fixed unknowns of the reduced system: the one that fixes the scale, and shared ones.
     pub(super) fixed: Vec<usize>,
 }
 
 impl Layout {
-    /// Takes every observation of a known point by a known frame, of points that two frames see.
+    /// Collects every observation of a known point by a known frame, for points observed in at least two frames.
     pub(super) fn new(
         scene: &Scene,
         observations: &[Observation],
@@ -100,7 +103,7 @@ impl Layout {
         Track { point, anchor, observations, slots: first.min(end)..end }
     }
 
-    /// Leaves the poses their rotations only.
+    /// Fixes all translations; rotations stay free.
     pub(super) fn fix_translations(&mut self) {
         self.fixed.extend((0..self.free).flat_map(|slot| (3..POSE).map(move |k| POSE * slot + k)));
         self.fixed.sort_unstable();
@@ -117,13 +120,13 @@ impl Layout {
         POSE * self.free + SHARED
     }
 
-    /// Poses that one point can couple, at most.
+    /// Maximum number of poses coupled by one point: the half-bandwidth of the reduced system in poses.
     pub(super) fn longest(&self) -> usize {
         self.tracks.iter().map(|t| t.slots.len()).max().unwrap_or(0)
     }
 
-    /// Ranges of consecutive tracks with about equal numbers of observations, none empty. How many there are depends on the problem
-    /// alone, so that sums over them do too.
+    /// Nonempty ranges of consecutive tracks with about equal numbers of observations. Their number depends on the
+    /// problem alone (not on the machine), so sums over them are reproducible.
     pub(super) fn parts(&self) -> Vec<std::ops::Range<usize>> {
         let mut parts = Vec::with_capacity(PARTS);
         let (mut start, mut count) = (0, 0);
@@ -137,7 +140,7 @@ impl Layout {
         parts
     }
 
-    /// The scene as a point of the space that is searched.
+    /// The scene as a point of the parameter space.
     pub(super) fn parameters(&self, scene: &Scene) -> Parameters {
         let pose = |p: &Option<CameraPose>| p.unwrap_or_else(CameraPose::identity);
         let ray = |t: &Track| {
@@ -151,7 +154,7 @@ impl Layout {
         }
     }
 
-    /// Writes the result back; what took no part is left as it was.
+    /// Writes the result to the scene; anything that took no part is unchanged.
     pub(super) fn store(&self, parameters: &Parameters, scene: &mut Scene) {
         for (frame, pose) in scene.poses.iter_mut().enumerate().filter(|&(f, _)| self.slot[f].is_some()) {
             *pose = Some(parameters.poses[frame]);
@@ -169,10 +172,10 @@ impl Layout {
     }
 }
 
-/// Points in use with their observations.
+/// Points in use, grouped with their observations.
 struct Groups {
     points: Vec<usize>,
-    /// Anchor and range of observations.
+    /// Anchor and range of observations of each point.
     tracks: Vec<(usize, std::ops::Range<usize>)>,
     observations: Vec<TrackObservation>,
 }
@@ -225,17 +228,18 @@ fn check(scene: &Scene) -> Result<(), BundleError> {
     Ok(())
 }
 
-/// What holds the scale: one coordinate of one camera's translation.
+/// Scale gauge: the one coordinate of one camera's translation that is fixed.
 struct Gauge {
     frame: usize,
     axis: usize,
 }
 
 impl Gauge {
-    /// Holds the first pose in use where none is held, and the scale where the held centers coincide.
+    /// Fixes the first pose in use if no pose is fixed, and the scale if all fixed centers coincide.
     ///
-    /// Scaling the scene about the held center `c_0` moves `t_g` along `−R_g (c_g − c_0)`. Of the frame farthest from `c_0`,
-    /// the coordinate that this moves most is held; the others then follow. Where all centers coincide there is no scale.
+    /// Scaling the scene about the fixed center `c_0` moves `t_g` along `−R_g (c_g − c_0)`. For the frame farthest
+    /// from `c_0`, the coordinate with the largest such motion is fixed; this determines the scale. If all centers
+    /// coincide there is no scale to fix.
     fn choose(scene: &Scene, used: &[bool], is_free: &mut [bool]) -> Option<Self> {
         let center = |f: usize| scene.poses[f].map(|p| p.center());
         let in_use: Vec<usize> = (0..used.len()).filter(|&f| used[f]).collect();
@@ -250,7 +254,7 @@ impl Gauge {
         };
         let (_, fixed_apart) = farthest(&mut in_use.iter().copied().filter(|&f| !is_free[f]));
         let (frame, apart) = farthest(&mut in_use.iter().copied().filter(|&f| is_free[f]));
-        // Centers of held frames that differ by rounding only hold nothing.
+        // Fixed centers whose distance is only rounding error do not determine the scale.
         if fixed_apart > 1e-9 * apart || !(apart > 0.0) {
             return None;
         }

@@ -1,17 +1,18 @@
-//! Bundle adjustment: poses, points, lens and readout that together explain best where points were seen.
+//! Bundle adjustment: maximum-a-posteriori estimation of poses, points, lens and readout from image observations.
 //!
 //! ```text
 //! E = ½ Σ ρ(‖project_i(X_j) − observed_ij‖²/σ²) + ½ Σ ((x − x̄)/σ_x)²     x: ln f, k₁, ρ_s, as far as they have priors
 //!       + ½ Σ_j (κ_j min(w_j, 0))²
 //! ```
 //!
-//! over poses, rays and inverse depths of points in their anchors, and what all frames share. Steps are those of Levenberg
-//! and Marquardt; in each, points are eliminated one by one, which leaves a system of the poses, banded by the lengths of
-//! tracks, and of the three shared unknowns as its border. Robust losses enter by reweighting. The last term keeps points
-//! from lying beyond infinity: softly, so that one at infinity may come back.
+//! over poses, rays and inverse depths of points in their anchors, and the unknowns shared by all frames (`ln f`,
+//! `k₁`, `ρ_s`). The solver is Levenberg–Marquardt. In each iteration the points are eliminated one by one (Schur
+//! complement); the reduced camera system is banded by the lengths of tracks, with the three shared unknowns as its
+//! border. Robust losses enter by iterative reweighting. The last term penalizes negative inverse depth (points beyond
+//! infinity) softly, so that a point at infinity can return to a positive depth.
 //!
-//! Not determined by observations are place, turn and scale of the whole: the first pose is held, and one coordinate of the
-//! translation of the camera farthest from it.
+//! Gauge: observations do not determine position, orientation and scale of the whole scene. The first pose is fixed,
+//! and one coordinate of the translation of the camera farthest from it.
 //!
 //! # Reference
 //! B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, *Bundle adjustment — a modern synthesis*, 1999; J. Civera, A. Davison,
@@ -47,36 +48,36 @@ use plumbline_num::optim::levenberg_marquardt::minimize;
 use plumbline_num::run::Run;
 use problem::Adjustment;
 
-/// How an adjustment went.
+/// Report of an adjustment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BundleReport {
-    /// Steps tried under all losses.
+    /// Iterations under all losses together.
     pub iterations: usize,
-    /// `E` at the start, under the first loss.
+    /// `E` at the initial guess, under the first loss.
     pub initial_cost: f64,
-    /// `E` at the end of the search, under the last loss.
+    /// `E` at the result, under the last loss.
     pub cost: f64,
     /// Whether the last loss was minimized to the tolerance.
     pub converged: bool,
-    /// Observations that took part.
+    /// Number of observations used.
     pub observations: usize,
-    /// Points that took part.
+    /// Number of points used.
     pub points: usize,
-    /// Root of the mean squared length of residuals, px, outliers included, points behind their camera left out.
+    /// Root mean square of the residual lengths, px; outliers are included, points behind their camera are not.
     pub rms_px: f64,
-    /// Median length of residuals, px.
+    /// Median of the residual lengths, px.
     pub median_px: f64,
-    /// Standard deviation of `ln f`, from the noise that the residuals show; `None` where it was not asked
-    /// for, where the focal length is fixed, and where nothing determines it.
+    /// Standard deviation of `ln f`, scaled by the noise that the residuals show; `None` if it was not requested, if
+    /// the focal length is fixed, or if nothing determines it.
     pub sigma_ln_focal: Option<f64>,
 }
 
-/// Adjusts a scene to observations; those of unknown frames or points are left out, and so are points that only one frame
-/// sees.
+/// Adjusts a scene to observations. Observations of unknown frames or points are ignored, and so are points observed
+/// in one frame only.
 ///
 /// # Errors
-/// [`BundleError`]: settings out of range, values that are not finite, nothing to adjust, an interruption. The scene is then as
-/// it was.
+/// [`BundleError`]: options out of range, non-finite values, nothing to adjust, an interruption. The scene is then
+/// unchanged.
 pub fn adjust(
     scene: &mut Scene,
     observations: &[Observation],
@@ -84,6 +85,7 @@ pub fn adjust(
     run: &Run,
 ) -> Result<BundleReport, BundleError> {
     options.check()?;
+    // 1. Structure: observations in use, free unknowns, gauge.
     let shared_free: [bool; SHARED] = [options.focal, options.k1, options.readout].map(|f| f != Freedom::Fixed);
     let rolling = scene.readout != 0.0 || options.readout != Freedom::Fixed;
     let mut layout = Layout::new(scene, observations, &options.fixed_frames, shared_free, rolling)?;
@@ -94,6 +96,7 @@ pub fn adjust(
     let mut problem = Adjustment::new(&layout, layout.parameters(scene), cameras, options);
     let mut report = None;
     let damping = options.fit.damping_for(layout.observations.len());
+    // 2. Minimize each loss from the result of the previous one; then search again for points in a wrong minimum.
     for loss in &options.fit.losses {
         problem.robust_loss.loss = *loss;
         let cost = problem.cost();
@@ -102,8 +105,10 @@ pub fn adjust(
         report = Some((before + minimum.iterations, initial_cost, minimum));
         problem.rescue(run)?;
     }
+    // 3. Write the scene only after all losses succeeded: on any error above it is unchanged.
     let (iterations, initial_cost, last) = report.expect("there is a loss: it was checked");
     layout.store(&problem.present, scene);
+    // 4. Statistics, and the standard deviation of the focal length scaled by the measured noise.
     let residuals = Residuals::of(&mut problem, options);
     let sigma_ln_focal = (options.uncertainty && shared_free[0]).then(|| problem.variance_of_ln_focal()).flatten();
     Ok(BundleReport {
@@ -119,11 +124,11 @@ pub fn adjust(
     })
 }
 
-/// Figures of the residuals at the end.
+/// Statistics of the final residuals.
 struct Residuals {
     rms_px: f64,
     median_px: f64,
-    /// Their spread in units of the stated one.
+    /// Robust noise estimate in units of the assumed standard deviation.
     noise: f64,
 }
 
@@ -134,7 +139,7 @@ impl Residuals {
         squares.sort_by(f64::total_cmp);
         let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        // Half of the squared lengths of a plane Gaussian of unit variance lie below 2 ln 2.
+        // The median squared length of a 2D Gaussian of unit variance is 2 ln 2.
         let noise = (median / (2.0 * std::f64::consts::LN_2)).sqrt();
         Self { rms_px: options.fit.sigma_px * mean.sqrt(), median_px: options.fit.sigma_px * median.sqrt(), noise }
     }

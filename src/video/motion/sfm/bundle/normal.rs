@@ -1,12 +1,13 @@
-//! The normal equations of all observations, kept in the blocks of their structure.
+//! The normal equations of all observations, in block structure.
 //!
 //! ```text
 //! ⎡ A   W ⎤ ⎡ δ_c ⎤     ⎡ b ⎤     c: poses, then shared unknowns; banded by the lengths of tracks, with a border
 //! ⎣ Wᵀ  C ⎦ ⎣ δ_p ⎦ = − ⎣ g ⎦     p: points; C is 3×3 block diagonal
 //! ```
 //!
-//! A point couples its anchor's pose to that of every frame that sees it. The Jacobian to the anchor is `G K` with `G` the
-//! Jacobian to the ray and `K = [[p]×, −w I]` one matrix per point, so that sums over `G` are enough.
+//! A point couples its anchor's pose to the pose of every frame that observes it. The Jacobian with respect to the
+//! anchor's pose is `G K`, with `G` the Jacobian with respect to the ray and `K = [[p]×, −w I]` one matrix per point;
+//! sums over `G` therefore suffice.
 
 use nalgebra::{Matrix3, Matrix6, Matrix6x3, SMatrix, SMatrixView, Vector3, Vector6};
 use rayon::prelude::*;
@@ -20,7 +21,7 @@ use plumbline_camera::Vec3;
 use plumbline_camera::rotation::skew;
 use plumbline_num::sparse::BandedMatrix;
 
-/// The part of one point.
+/// The blocks of one point.
 #[derive(Clone, Debug)]
 pub(super) struct PointBlock {
     /// `C`.
@@ -29,7 +30,7 @@ pub(super) struct PointBlock {
     pub(super) g: Vec3,
     /// Rows of `W` of the shared unknowns.
     pub(super) shared: SMatrix<f64, SHARED, 3>,
-    /// Where its rows of `W` begin in [`Normal::w`].
+    /// Offset of its rows of `W` in [`Normal::w`].
     pub(super) start: usize,
 }
 
@@ -38,13 +39,13 @@ pub(super) struct PointBlock {
 pub(super) struct Normal {
     pub(super) a: BandedMatrix,
     pub(super) b: Vec<f64>,
-    /// Rows of `W`: per point, for its slots, `POSE · slots × 3`, column by column.
+    /// Rows of `W`: per point, for its slots, `POSE · slots × 3`, column-major.
     pub(super) w: Vec<f64>,
     pub(super) points: Vec<PointBlock>,
     parts: Vec<Part>,
 }
 
-/// What the tracks of one part add to `A` and `b`.
+/// Contribution of the tracks of one part to `A` and `b`.
 #[derive(Clone, Debug)]
 struct Part {
     tracks: std::ops::Range<usize>,
@@ -52,20 +53,20 @@ struct Part {
     b: Vec<f64>,
 }
 
-/// A part and its points, to be summed up.
+/// A part and its points, during accumulation.
 struct Sums<'a> {
     layout: &'a Layout,
     a: &'a mut BandedMatrix,
     b: &'a mut [f64],
-    /// Rows of `W` of its points, from `first_w` of all on.
+    /// Rows of `W` of its points; index 0 here is `first_w` in the whole.
     w: &'a mut [f64],
     first_w: usize,
-    /// Its points, from `first` of all on.
+    /// Its points; index 0 here is `first` in the whole.
     points: &'a mut [PointBlock],
     first: usize,
 }
 
-/// Sums over the observations of one point that the anchor's pose needs.
+/// Sums over the observations of one point from which the blocks of the anchor's pose are formed.
 struct AnchorSums {
     k: SMatrix<f64, 3, POSE>,
     gg: Matrix3<f64>,
@@ -92,7 +93,7 @@ impl Normal {
         Self { a, b, w: vec![0.0; start], points, parts }
     }
 
-    /// Sums up all observations.
+    /// Accumulates the normal equations over all observations.
     pub(super) fn assemble(
         &mut self,
         layout: &Layout,
@@ -229,7 +230,7 @@ impl Sums<'_> {
         }
     }
 
-    /// Adds `m` where the rows of one pose meet the columns of another, and its transpose on the other side.
+    /// Adds `m` to the block (pose `row`, pose `column`) and its transpose to the opposite block.
     fn add_pair(&mut self, row: usize, column: usize, m: &Matrix6<f64>) {
         match row.cmp(&column) {
             std::cmp::Ordering::Equal => self.add_square(row, &(m + m.transpose())),

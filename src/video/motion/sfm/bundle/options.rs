@@ -1,19 +1,19 @@
-//! Settings of the adjustment.
+//! Options of the adjustment.
 
 use plumbline_num::energy::Loss;
 use plumbline_num::optim::levenberg_marquardt::DampingOptions;
 use plumbline_num::options::OptionError;
 
-/// Residual, in standard deviations, below which observations count as met exactly; gains below it are rounding of what
-/// was tracked.
+/// Residual, in standard deviations, below which observations count as fitted exactly: lower costs differ by the
+/// rounding of the tracked positions only.
 const EXACT: f64 = 1e-4;
 
-/// How far an unknown shared by all frames may go.
+/// Freedom of an unknown shared by all frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Freedom {
-    /// It stays as it is.
+    /// Constant.
     Fixed,
-    /// Only the observations speak.
+    /// Free, without a prior.
     Free,
     /// A Gaussian prior, in the unit of the unknown.
     Near {
@@ -24,20 +24,22 @@ pub enum Freedom {
     },
 }
 
-/// How residuals are judged, and how long is searched.
+/// Robust loss and termination of the solver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobustFit {
     /// Standard deviation of an observation in x and in y, px, > 0.
     pub sigma_px: f64,
-    /// Losses of a residual's length in units of `sigma_px`, each minimized in turn from where the one before ended: the
-    /// first convex, to bring a rough start home; the last redescending, to forget outliers. At least one.
+    /// Losses of a residual's length in units of `sigma_px`, minimized one after the other, each from the result of
+    /// the one before. Put a convex loss first, for convergence from a poor initial guess, and a redescending one
+    /// last, to reject outliers. At least one.
     pub losses: Vec<Loss>,
-    /// Damping and when to stop, for each loss.
+    /// Damping and termination criteria, for each loss.
     pub damping: DampingOptions,
 }
 
 impl Default for RobustFit {
-    /// Observations good to half a pixel; Huber's loss, then Cauchy's, both bent at two standard deviations.
+    /// Observations with a standard deviation of half a pixel; Huber's loss, then Cauchy's, both with a scale of two
+    /// standard deviations.
     fn default() -> Self {
         Self { sigma_px: 0.5, losses: vec![Loss::Huber(2.0), Loss::Cauchy(2.0)], damping: DampingOptions::default() }
     }
@@ -55,21 +57,22 @@ impl RobustFit {
         OptionError::check(!self.losses.is_empty(), "number of losses", 0.0, "at least 1")
     }
 
-    /// Damping for so many observations: where they are met to [`EXACT`], the search ends whatever share is still gained.
+    /// Damping options for this number of observations: once the cost corresponds to residuals of [`EXACT`], the
+    /// search ends at any relative decrease.
     pub(super) fn damping_for(&self, observations: usize) -> DampingOptions {
         DampingOptions { floor: self.damping.floor + EXACT * EXACT * observations as f64, ..self.damping }
     }
 }
 
-/// Settings of [`super::adjust`].
+/// Options of [`super::adjust`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct BundleOptions {
-    /// Residuals and search.
+    /// Robust loss and solver.
     pub fit: RobustFit,
-    /// Frames whose poses are held. Where none is, the first one is, and the scale with it.
+    /// Frames whose poses are fixed. If empty, the first pose is fixed, and the scale.
     pub fixed_frames: Vec<u32>,
-    /// Cameras turn and do not move: all translations are held. Where they are equal, no observation tells a depth, and the
-    /// points stay at the inverse depths they have.
+    /// Pure camera rotation: all translations are fixed. If they are equal, no observation determines a depth, and the
+    /// points keep their inverse depths.
     pub rotation_only: bool,
     /// The focal length, by its logarithm.
     pub focal: Freedom,
@@ -77,12 +80,12 @@ pub struct BundleOptions {
     pub k1: Freedom,
     /// The readout time, frame periods.
     pub readout: Freedom,
-    /// Whether the uncertainty of the focal length is wanted; it costs as much as a step.
+    /// Whether to compute the standard deviation of the focal length; it costs as much as one iteration.
     pub uncertainty: bool,
 }
 
 impl Default for BundleOptions {
-    /// Every pose is free, lens and readout are fixed.
+    /// All poses free, lens and readout fixed.
     fn default() -> Self {
         Self {
             fit: RobustFit::default(),

@@ -1,4 +1,4 @@
-//! A point of the space that is searched.
+//! A point of the parameter space.
 
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Vec2;
@@ -9,7 +9,7 @@ pub(super) const LN_FOCAL: usize = 0;
 pub(super) const K1: usize = 1;
 /// Index of the readout.
 pub(super) const READOUT: usize = 2;
-/// Number of unknowns that all frames share.
+/// Number of unknowns shared by all frames.
 pub(super) const SHARED: usize = 3;
 
 /// A scene point relative to its anchor.
@@ -26,10 +26,10 @@ impl Ray {
     }
 }
 
-/// Everything that may move.
+/// All unknowns.
 #[derive(Clone, Debug)]
 pub(super) struct Parameters {
-    /// By frame; unused where a frame is not known.
+    /// By frame; unused for an unknown frame.
     pub(super) poses: Vec<CameraPose>,
     /// By index among the points in use.
     pub(super) points: Vec<Ray>,

@@ -1,4 +1,4 @@
-//! The adjustment as a damped problem: present and trial parameters, priors, cost.
+//! The adjustment as a damped least-squares problem: current and trial parameters, priors, cost.
 
 use rayon::prelude::*;
 
@@ -16,7 +16,8 @@ use plumbline_num::energy::Loss;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions};
 use plumbline_num::run::{Run, Stopped};
 
-/// Search for a point on its own: to its minimum, or else it promises the next joint step a gain that does not come.
+/// Options of the search for a single point within a joint step. It runs to the minimum: a point left above it would
+/// predict a cost decrease for the next joint step that does not occur.
 const SETTLING: DampingOptions = DampingOptions { lambda: 1e-3, tolerance: 1e-4, floor: 0.0, max_iterations: 30 };
 
 /// `½ ((x − mean)/σ)²`.
@@ -26,16 +27,16 @@ struct Prior {
     weight: f64,
 }
 
-/// All that an adjustment works on.
+/// State of an adjustment.
 pub(super) struct Adjustment<'a> {
     layout: &'a Layout,
     pub(super) robust_loss: RobustLoss,
     priors: [Option<Prior>; SHARED],
-    /// `κ` of every track: what inverse depth below zero costs, `½ (κ w)²`.
+    /// `κ` of every track: the penalty of a negative inverse depth is `½ (κ w)²`.
     beyond: Vec<f64>,
     pub(super) present: Parameters,
     trial: Parameters,
-    /// What each track costs at the present point.
+    /// Cost of each track at the current parameters.
     costs: Vec<f64>,
     trial_costs: Vec<f64>,
     cameras: Cameras,
@@ -62,7 +63,7 @@ impl<'a> Adjustment<'a> {
         }
     }
 
-    /// `E` at the present point under the present loss.
+    /// `E` at the current parameters under the current loss.
     pub(super) fn cost(&mut self) -> f64 {
         self.trial.copy_from(&self.present);
         self.costs.fill(f64::INFINITY);
@@ -71,7 +72,7 @@ impl<'a> Adjustment<'a> {
         cost
     }
 
-    /// Squared residuals at the point last tried, in units of `σ²`; `None` behind the camera.
+    /// Squared residuals at the last trial parameters, in units of `σ²`; `None` behind the camera.
     pub(super) fn squares(&self) -> impl Iterator<Item = Option<f64>> {
         self.layout.tracks.iter().zip(&self.trial.points).flat_map(move |(track, ray)| {
             let point = self.cameras.anchored(ray, track.anchor);
@@ -80,7 +81,7 @@ impl<'a> Adjustment<'a> {
         })
     }
 
-    /// Variance of `ln f` if the noise is as stated.
+    /// Variance of `ln f` if the noise has the assumed standard deviation.
     pub(super) fn variance_of_ln_focal(&mut self) -> Option<f64> {
         self.linearize();
         self.reduced.variance_of_ln_focal(self.layout, &self.normal)
@@ -101,10 +102,10 @@ impl<'a> Adjustment<'a> {
         }
     }
 
-    /// Where the point of a track is tried, and what it costs there. One that the joint step has made much worse is searched anew on its own, among
-    /// the cameras as tried: a linear step carries points near a camera too far, and one such point is not to veto the step. Without
-    /// this a rotating camera that is taken for one before a plane has rotations 3.7 degrees off instead of 0.1
-    /// (`docs/ABLATIONS.md`).
+    /// Trial position of the point of a track, and its cost. A point whose cost the joint step has raised strongly is
+    /// optimized again on its own, with the trial cameras fixed: a linear step moves points near a camera too far, and
+    /// one such point must not reject the step. Without this, a rotating camera that is modeled as one moving before a
+    /// plane has rotation errors of 3.7 degrees instead of 0.1 (`docs/ABLATIONS.md`).
     fn settled(&self, index: usize, stepped: Ray) -> (Ray, f64) {
         let track = &self.layout.tracks[index];
         let observations = &self.layout.observations[track.observations.clone()];
@@ -125,7 +126,8 @@ impl<'a> Adjustment<'a> {
         problem(start).search(&SETTLING)
     }
 
-    /// Searches anew the points whose observations are met by no means, cameras as they are.
+    /// Searches again, with the cameras fixed, for the points whose observations have large residuals
+    /// ([`super::rescue`]).
     pub(super) fn rescue(&mut self, run: &Run) -> Result<(), Stopped> {
         self.cost();
         let mut depths: Vec<f64> = self.present.points.iter().map(|ray| ray.w).collect();
@@ -193,8 +195,8 @@ impl DampedProblem for Adjustment<'_> {
     }
 }
 
-/// `κ = f B/σ` of every track, `B` its longest baseline from the anchor: a point beyond infinity pays for the parallax it would
-/// have against one at infinity as for a residual.
+/// `κ = f B/σ` of every track, with `B` its longest baseline from the anchor: the penalty of a point beyond infinity
+/// equals that of a residual as large as its parallax against a point at infinity.
 pub(super) fn depth_priors(layout: &Layout, at: &Parameters, sigma: f64) -> Vec<f64> {
     let focal = at.shared[LN_FOCAL].exp();
     let centers: Vec<_> = at.poses.iter().map(CameraPose::center).collect();

@@ -1,11 +1,11 @@
-//! Points that ended in a place of their own.
+//! Points that converged to a wrong local minimum.
 //!
-//! Near a camera the reprojection error of a point has minima far from the truth, which a robust loss deepens: a few
-//! observations fit, the others count as outliers. From a rough start some points fall into one. They are searched anew from
-//! the ray of their anchor's observation, at several depths.
+//! The reprojection error of a point near a camera has local minima far from the true position. A robust loss deepens
+//! them: a few observations fit, the others count as outliers. From a poor initial guess some points converge to one.
+//! They are searched again from the ray of their anchor's observation, at several depths.
 //!
-//! A made-up walk (23 % wrong observations, tracks of 27 frames) has cameras in 22 of 73 frames; without this search it has none
-//! (`docs/ABLATIONS.md`).
+//! A synthetic walk (23 % wrong observations, tracks of 27 frames) has cameras in 22 of 73 frames; without this search
+//! it has none (`docs/ABLATIONS.md`).
 
 use super::parameters::Ray;
 use super::robust_loss::RobustLoss;
@@ -13,19 +13,20 @@ use super::structure::PointProblem;
 use plumbline_num::math::Vec2;
 use plumbline_num::optim::levenberg_marquardt::DampingOptions;
 
-/// Mean residual, in standard deviations, above which a point is searched anew: outliers lift the mean of a good track to less.
+/// Mean residual, in standard deviations, above which a point is searched again. Outliers raise the mean of a good
+/// track to less.
 const SUSPICIOUS: f64 = 3.0;
-/// Inverse depths tried, relative to the typical one; evenly by depth where points are near, and infinity.
+/// Initial inverse depths, relative to the typical one: evenly spaced depths for near points, and infinity.
 const DEPTHS: [f64; 5] = [0.0, 0.3, 1.0, 2.0, 4.0];
-/// Steps from each start.
+/// Damping and iteration limit of the search from each initial depth.
 const SEARCH: DampingOptions = DampingOptions { lambda: 1e-3, tolerance: 1e-3, floor: 0.0, max_iterations: 20 };
 
-/// Whether a track that costs `cost` over so many observations is to be searched anew.
+/// Whether a track of this cost and number of observations is searched again.
 pub(super) fn is_suspicious(cost: f64, observations: usize, robust_loss: &RobustLoss) -> bool {
     !(cost <= observations as f64 * robust_loss.cost(Some(SUSPICIOUS * SUSPICIOUS)))
 }
 
-/// The best place found from the anchor's own ray; `None` where none costs less than `cost`.
+/// The best point found from the anchor's own ray; `None` if none has a cost below `cost`.
 pub(super) fn search<'a>(
     problem: impl Fn(Ray) -> PointProblem<'a>,
     own_ray: Vec2,

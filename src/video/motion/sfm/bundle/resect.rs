@@ -1,4 +1,4 @@
-//! One pose, points given.
+//! Resection: one pose from known points.
 
 use nalgebra::{Cholesky, Matrix6, Vector6};
 
@@ -13,7 +13,7 @@ use plumbline_num::math::Point2;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, minimize};
 use plumbline_num::run::Run;
 
-/// Points that a pose needs; three determine it up to four ways.
+/// Minimum number of points for a pose: three leave up to four solutions.
 const MIN_POINTS: usize = 4;
 
 /// A pose found by [`resect`].
@@ -21,18 +21,19 @@ const MIN_POINTS: usize = 4;
 pub struct Resection {
     /// The pose, `cam_from_world`.
     pub pose: CameraPose,
-    /// Length of the residual of each observation that took part, by its index among those given, px; infinite for a point
-    /// behind the camera.
+    /// Residual length of each observation used, with its index in the input, px; infinite for a point behind the
+    /// camera.
     pub residuals_px: Vec<(usize, f64)>,
     /// Whether the last loss was minimized to the tolerance.
     pub converged: bool,
 }
 
-/// Finds the pose of `frame` near `start` from observations of known points whose anchors are known and other frames; other
-/// observations are left out. A rolling shutter moves the camera as the known poses of its neighbors say.
+/// Optimizes the pose of `frame` from the initial guess `start`, with observations of known points whose anchors are
+/// known and are other frames; other observations are ignored. For a rolling shutter the row motion is interpolated
+/// from the known poses of the neighboring frames.
 ///
 /// # Errors
-/// [`BundleError`]: settings out of range, a start that is not finite, fewer than four points, an interruption.
+/// [`BundleError`]: options out of range, a non-finite initial guess, fewer than four points, an interruption.
 pub fn resect(
     scene: &Scene,
     frame: u32,
@@ -45,11 +46,13 @@ pub fn resect(
     if !start.rotation.coords.iter().chain(start.translation.iter()).all(|v| v.is_finite()) {
         return Err(BundleError::NotFinite { what: format!("initial guess of the pose of frame {frame}") });
     }
+    // 1. Observations of known points in this frame.
     let points: Vec<_> =
         observations.iter().enumerate().filter_map(|(i, o)| known_observation(scene, frame, i, o)).collect();
     if points.len() < MIN_POINTS {
         return Err(BundleError::TooFewObservations { found: points.len(), least: MIN_POINTS });
     }
+    // 2. Neighboring poses for the row motion; they are fixed, and unused for a global shutter.
     let known = |f: usize| scene.poses.get(f).is_some_and(Option::is_some);
     let around = neighbors(frame as usize, known).filter_map(|n| Some((n, scene.poses[n]?)));
     let mut problem = PoseProblem {
@@ -64,6 +67,7 @@ pub fn resect(
         g: Vector6::zeros(),
         scratch: Linearized::zero(),
     };
+    // 3. Minimize each loss from the result of the previous one.
     let damping = fit.damping_for(problem.points.len());
     let mut converged = false;
     for &loss in &fit.losses {
@@ -106,7 +110,7 @@ struct PoseProblem<'a> {
 }
 
 impl PoseProblem<'_> {
-    /// The camera at a pose: its view and how its rows move.
+    /// The camera at a pose: its view and its row motion.
     fn camera(&self, pose: &CameraPose) -> (View, Option<Stencil>) {
         let around = || Stencil::of(self.frame, pose, self.around.iter().copied());
         (View::of(pose), (!self.around.is_empty()).then(around))
@@ -132,7 +136,7 @@ impl DampedProblem for PoseProblem<'_> {
         let eye = self.eye(&camera);
         for observation in &self.points {
             let weight = |squared| self.robust_loss.loss.weight(squared);
-            // The point's own derivatives are not used: any view serves as its anchor's.
+            // The derivatives with respect to the point are not used: any view can serve as its anchor.
             let (from, seen) = ((&observation.point, &camera.0), (self.frame, observation.pixel));
             if eye.linearize(from, seen, self.robust_loss.sigma, weight, &mut scratch) {
                 let (_, j) = scratch.poses()[0];

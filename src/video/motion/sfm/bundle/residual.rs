@@ -1,4 +1,4 @@
-//! One observation: its residual and what moves it.
+//! One observation: its residual and its Jacobians.
 //!
 //! ```text
 //! p = m − w t_a,   q = R_aᵀ p,   v = R q,   Y = v + w t          R, t: pose of the observing row
@@ -7,7 +7,8 @@
 //! dY/dω_a = R_ra [p]×,  dY/dt_a = −w R_ra,  dY/dm = R_ra,  dY/dw = t − R_ra t_a,     R_ra = R R_aᵀ
 //! ```
 //!
-//! Rows of a frame move with it and with its neighbors ([`super::shutter`]), `J` the left Jacobian:
+//! The pose of a row depends on the poses of its frame and of the neighboring frames ([`super::shutter`]); `J` is the
+//! left Jacobian:
 //!
 //! ```text
 //! φ = Exp(θ) ω_i + J(θ) Σ_k c_k (J(l_k)⁻¹ ω_k − J(l_k)⁻ᵀ ω_i)
@@ -21,11 +22,11 @@ use plumbline_camera::rotation::left_jacobian;
 use plumbline_camera::{CameraPose, Intrinsics, Vec3};
 use plumbline_num::math::{Point2, Vec2};
 
-/// Share of its distance that a point must lie in front of the camera's plane. Nearer to the plane than this, 84° off the
-/// axis, no lens of this model sees anything, and the projection is too steep to be followed by linear steps.
+/// Minimum depth of a point as a fraction of its distance from the camera. At a smaller fraction, more than 84° off
+/// the axis, no lens of this model forms an image, and the projection is too steep for linear steps.
 const MIN_FRONT: f64 = 0.1;
 
-/// A pose as the loops over observations want it.
+/// A pose with the quantities that the loops over observations need.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     pub(super) rotation: Matrix3<f64>,
@@ -38,11 +39,11 @@ pub(super) struct Eye<'a> {
     pub(super) lens: &'a Intrinsics,
     pub(super) readout: f64,
     pub(super) view: &'a View,
-    /// `None` where all rows are captured at once.
+    /// Row motion; `None` for a global shutter.
     pub(super) stencil: Option<&'a Stencil>,
 }
 
-/// A point seen from its anchor.
+/// A point relative to its anchor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchored {
     pub(super) p: Vec3,
@@ -50,25 +51,25 @@ pub(super) struct Anchored {
     pub(super) w: f64,
 }
 
-/// Where and when a row looks.
+/// Pose and time of a row.
 struct Row {
     view: View,
     weights: [(f64, f64); NEIGHBORS],
     theta: Vec3,
 }
 
-/// Jacobian of a residual to one pose: rotation, then shift.
+/// Jacobian of a residual with respect to one pose: rotation, then translation.
 pub(super) type PoseJacobian = SMatrix<f64, 2, 6>;
 
 /// A residual and its Jacobians, all scaled by the root of the robust weight.
 #[derive(Clone, Debug)]
 pub(super) struct Linearized {
     pub(super) residual: Vector2<f64>,
-    /// `J_Y R_ra`: the Jacobian to the ray, and through `p` to the anchor's pose.
+    /// `J_Y R_ra`: the Jacobian with respect to the ray, and through `p` to the anchor's pose.
     pub(super) ray: Matrix2x3<f64>,
-    /// To `(x, y, w)`.
+    /// With respect to `(x, y, w)`.
     pub(super) point: Matrix2x3<f64>,
-    /// To `ln f`, `k₁`, `ρ_s`.
+    /// With respect to `ln f`, `k₁`, `ρ_s`.
     pub(super) shared: SMatrix<f64, 2, SHARED>,
     poses: [(usize, PoseJacobian); NEIGHBORS + 1],
     pose_count: usize,
@@ -86,7 +87,8 @@ impl Linearized {
         }
     }
 
-    /// Frames that move the residual other than as anchors, each with its Jacobian; the observing one first.
+    /// Frames other than the anchor whose poses the residual depends on, each with its Jacobian; the observing frame
+    /// first.
     pub(super) fn poses(&self) -> &[(usize, PoseJacobian)] {
         &self.poses[..self.pose_count]
     }
@@ -107,7 +109,7 @@ impl Anchored {
 }
 
 impl Eye<'_> {
-    /// `(project(Y) − observed)/σ`; `None` where the point is not in front of the camera.
+    /// `(project(Y) − observed)/σ`; `None` if the point is not in front of the camera.
     pub(super) fn residual(&self, point: &Anchored, seen: Point2, sigma: f64) -> Option<Vec2> {
         let row = self.row(seen);
         let y = row.view.rotation * point.q + point.w * row.view.translation;
@@ -115,8 +117,8 @@ impl Eye<'_> {
         Some((self.lens.distorted(xy) - seen) / sigma)
     }
 
-    /// The residual and all its derivatives, times the root of the robust weight, which `weight_of` says of a squared
-    /// residual; `false` as for [`Self::residual`]. `frame` is the camera's own.
+    /// The residual and all its derivatives, times the square root of the robust weight `weight_of(‖r‖²)`; `false` if
+    /// the point is not in front of the camera, as in [`Self::residual`]. `frame` is the camera's own.
     pub(super) fn linearize(
         &self,
         (point, anchor): (&Anchored, &View),
@@ -175,7 +177,7 @@ impl Eye<'_> {
         out.shared.set_column(READOUT, &(self.row_fraction(seen) * (along * angular + w * j_y * linear)));
     }
 
-    /// Height of a row below the middle of the frame, in frame heights, −½ to ½.
+    /// Vertical position of a row relative to the center of the frame, in frame heights, −½ to ½.
     fn row_fraction(&self, seen: Point2) -> f64 {
         (seen.y - self.lens.center.y) / (2.0 * self.lens.center.y)
     }
@@ -194,7 +196,7 @@ impl Eye<'_> {
     }
 }
 
-/// `(Y_x, Y_y)/Y_z`, where `Y` is in front.
+/// `(Y_x, Y_y)/Y_z`; `None` if `Y` is not in front.
 fn normalized(y: &Vec3) -> Option<Vec2> {
     (y.z > MIN_FRONT * y.norm()).then(|| y.xy() / y.z)
 }
@@ -268,7 +270,7 @@ mod tests {
             })
         }
 
-        /// Central difference of the residual along a change of the setting.
+        /// Central difference of the residual with respect to a change of the setup.
         fn slope(&self, change: impl Fn(&mut Self, f64)) -> Vec2 {
             let h = 1e-6;
             let at = |step: f64| {

@@ -1,4 +1,4 @@
-//! How far observations are from where the cameras, rows in motion, see the points.
+//! Reprojection residuals of a scene, row motion included.
 
 use super::cameras::Cameras;
 use super::layout::Layout;
@@ -12,14 +12,14 @@ pub struct ObservationResidual {
     pub frame: u32,
     /// Index of the point.
     pub point: u32,
-    /// Where it was seen, px.
+    /// Observed position, px.
     pub pixel: plumbline_num::math::Point2,
     /// Length, px; infinite for a point behind the camera.
     pub px: f64,
 }
 
-/// Residuals of the observations of known points by known frames, point by point, of points that two frames see; none of a
-/// scene that is not finite.
+/// Residuals of the observations of known points by known frames, for points observed in at least two frames, ordered
+/// by point. Empty for a scene that is not finite.
 pub fn residuals(scene: &Scene, observations: &[Observation]) -> Vec<ObservationResidual> {
     let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
     let Ok(layout) = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0) else {

@@ -1,11 +1,11 @@
-//! What a residual costs.
+//! Robust loss of a residual.
 
 use super::cameras::Cameras;
 use super::layout::TrackObservation;
 use super::residual::Anchored;
 use plumbline_num::energy::Loss;
 
-/// How residuals are judged.
+/// Loss function and noise scale.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RobustLoss {
     /// Standard deviation of an observation, px.
@@ -13,12 +13,12 @@ pub(super) struct RobustLoss {
     pub(super) loss: Loss,
 }
 
-/// Residual, in units of its standard deviation, that counts for a point behind a camera: worse than any in the picture, and
-/// without slope.
+/// Residual, in standard deviations, assigned to a point behind a camera: larger than any within the image, and
+/// constant, so that it has no gradient.
 const BEHIND: f64 = 1e3;
 
 impl RobustLoss {
-    /// `½ ρ(‖r‖²)` of a squared residual in units of `σ²`; `None` for a point behind.
+    /// `½ ρ(‖r‖²)` of a squared residual in units of `σ²`; `None` for a point behind the camera.
     pub(super) fn cost(&self, squared: Option<f64>) -> f64 {
         0.5 * self.loss.value(squared.unwrap_or(BEHIND * BEHIND))
     }

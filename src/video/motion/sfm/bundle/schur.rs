@@ -1,11 +1,11 @@
-//! Elimination of the points, and the step.
+//! Schur complement: elimination of the points, and the solution of the reduced system.
 //!
 //! ```text
 //! C + λ D = L Lᵀ,   V = W L⁻ᵀ,   z = L⁻¹ g,      S = A + λ D − V Vᵀ,   S δ_c = −b + V z,   δ_p = −L⁻ᵀ(z + L⁻¹ Wᵀ δ_c)
 //! ```
 //!
-//! `V Vᵀ` is summed over points of about the same frames at once, as a product of dense matrices, and side by side over the parts
-//! of the tracks.
+//! `V Vᵀ` is accumulated over batches of points with nearly the same frames, as a product of dense matrices, and in
+//! parallel over the parts of the tracks.
 
 use nalgebra::{Cholesky, Const, Matrix3};
 use rayon::prelude::*;
@@ -16,35 +16,37 @@ use super::parameters::{LN_FOCAL, SHARED};
 use plumbline_camera::Vec3;
 use plumbline_num::sparse::{BandedMatrix, SparseError};
 
-/// Points reduced at once, at most: a product of rank 48 keeps the dense kernel busy, and its rows stay in the cache.
+/// Maximum number of points per batch: a product of rank 48 uses the dense kernel fully, and its rows stay in the
+/// cache.
 const BATCH: usize = 16;
-/// Share of rows that may be padding when points of different frames are reduced together.
+/// Maximum ratio of the slots of a batch, padding included, to the slots of its longest track.
 const SLACK: f64 = 1.2;
-/// Least diagonal entry that damping takes hold of, relative to the largest of its kind: what hardly anything observes would
-/// otherwise run as far as it likes at any damping.
+/// Minimum diagonal entry in the damping term, relative to the largest of its kind. Without it, unknowns that are
+/// hardly observed would be undamped at any `λ` and take arbitrarily long steps.
 const MIN_DIAGONAL: f64 = 1e-9;
 
-/// Damping under which variances are read: far below what observations say, enough to hold what they say nothing of.
+/// Damping under which variances are computed: far below the information of the observations, enough to constrain
+/// unobserved unknowns.
 const NEARLY_NONE: f64 = 1e-9;
 
-/// The reduced system and the buffers it is made in.
+/// The reduced system and its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Reduced {
     system: BandedMatrix,
-    /// Steps of poses and shared unknowns.
+    /// Step of poses and shared unknowns.
     pub(super) delta: Vec<f64>,
-    /// Steps of points.
+    /// Step of each point.
     pub(super) points: Vec<Vec3>,
     factors: Vec<Option<Factor>>,
     gains: Vec<f64>,
     parts: Vec<Part>,
-    /// Floors of the diagonals: turns, shifts, shared unknowns one by one, ray, inverse depth.
+    /// Minimum diagonal entries: rotations, translations, each shared unknown, ray, inverse depth.
     floors: Floors,
 }
 
 type Factor = Cholesky<f64, Const<3>>;
 
-/// What the points of one part take from the system.
+/// What the eliminated points of one part subtract from the system.
 #[derive(Clone, Debug)]
 struct Part {
     /// `−V Vᵀ`.
@@ -83,7 +85,7 @@ impl Reduced {
         }
     }
 
-    /// The step under damping `λ`; returns what the quadratic model expects to gain.
+    /// Solves for the step under damping `λ`; returns the cost decrease predicted by the quadratic model.
     pub(super) fn solve(&mut self, layout: &Layout, normal: &Normal, lambda: f64) -> Result<f64, SparseError> {
         self.reduce(layout, normal, lambda);
         self.system.factor()?;
@@ -104,7 +106,7 @@ impl Reduced {
         Ok(0.5 * (by_poses + self.gains.iter().sum::<f64>()))
     }
 
-    /// Variance of `ln f`, of the system all but undamped; `None` where nothing determines it.
+    /// Variance of `ln f` from the nearly undamped system; `None` if nothing determines it.
     pub(super) fn variance_of_ln_focal(&mut self, layout: &Layout, normal: &Normal) -> Option<f64> {
         let unknown = POSE * layout.free + LN_FOCAL;
         self.reduce(layout, normal, NEARLY_NONE);
@@ -139,7 +141,7 @@ impl Reduced {
         }
     }
 
-    /// Entry of `D` of an unknown of the reduced system.
+    /// Entry of `D` for unknown `k` of the reduced system.
     fn scale(&self, layout: &Layout, normal: &Normal, k: usize) -> f64 {
         let floor = match k {
             _ if k >= POSE * layout.free => f64::MIN_POSITIVE,
@@ -176,7 +178,7 @@ impl Part {
         }
     }
 
-    /// Takes a batch of points out of the system.
+    /// Eliminates a batch of points.
     fn eliminate_batch(
         &mut self,
         batch: &Batch,
@@ -190,12 +192,14 @@ impl Part {
         self.v_border[..SHARED * rank].fill(0.0);
         for (n, index) in batch.tracks.clone().enumerate() {
             let block = &normal.points[index];
+            // Factor C + λ D = L Lᵀ; a point without a sound factor keeps zero columns in V.
             let damped = block.c + Matrix3::from_diagonal(&(lambda * floors.of_point(&block.c)));
             factors[n] = Cholesky::new(damped).filter(|f| sound(f, &damped));
             let Some(factor) = &factors[n] else { continue };
             let l = factor.l_dirty();
             let track = &layout.tracks[index];
             let own = POSE * track.slots.len();
+            // V = W L⁻ᵀ, in the rows of the track's slots; the other rows of the batch are zero padding.
             let v = &mut self.v[3 * n * rows..][..3 * rows];
             let offset = POSE * (track.slots.start - batch.slots.start);
             let w = &normal.w[block.start..][..3 * own];
@@ -203,10 +207,12 @@ impl Part {
                 let row = forward(l, [w[i], w[own + i], w[2 * own + i]]);
                 (0..3).for_each(|q| v[q * rows + offset + i] = row[q]);
             }
+            // z = L⁻¹ g; accumulate V z.
             let z = forward(l, [block.g.x, block.g.y, block.g.z]);
             for (i, delta) in self.delta[POSE * track.slots.start..][..own].iter_mut().enumerate() {
                 *delta += (0..3).map(|q| v[q * rows + offset + i] * z[q]).sum::<f64>();
             }
+            // The same for the rows of the shared unknowns.
             let v_border = &mut self.v_border[3 * n * SHARED..][..3 * SHARED];
             for i in 0..SHARED {
                 let row = forward(l, [block.shared[(i, 0)], block.shared[(i, 1)], block.shared[(i, 2)]]);
@@ -214,6 +220,7 @@ impl Part {
                 self.delta[POSE * layout.free + i] += (0..3).map(|q| row[q] * z[q]).sum::<f64>();
             }
         }
+        // One product − V Vᵀ of dense matrices for the whole batch.
         let first = POSE * batch.slots.start;
         self.system.subtract_outer(first, (rows, rank), &self.v[..rows * rank], &self.v_border[..SHARED * rank]);
     }
@@ -221,7 +228,7 @@ impl Part {
 
 impl Floors {
     fn of(layout: &Layout, normal: &Normal) -> Self {
-        // Where nothing at all is observed of a kind, any positive number holds it.
+        // If no unknown of a kind is observed, any positive number constrains them.
         let floor = |largest: f64| if largest > 0.0 { MIN_DIAGONAL * largest } else { 1.0 };
         let pose = |kind: usize| {
             let all = (0..layout.free).flat_map(|slot| (0..3).map(move |k| POSE * slot + kind + k));
@@ -231,13 +238,13 @@ impl Floors {
         Self { rotation: pose(0), shift: pose(3), ray: point(0).max(point(1)), depth: point(2) }
     }
 
-    /// Entries of `D` of the unknowns of a point.
+    /// Entries of `D` for the unknowns of a point.
     fn of_point(&self, c: &Matrix3<f64>) -> Vec3 {
         c.diagonal().sup(&Vec3::new(self.ray, self.ray, self.depth))
     }
 }
 
-/// Consecutive tracks whose union of slots is little more than the longest of them.
+/// Batches of consecutive tracks whose union of slots is little larger than the longest of them ([`SLACK`]).
 fn batches(layout: &Layout, tracks: std::ops::Range<usize>) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     let mut longest = 0;
@@ -265,7 +272,7 @@ fn forward(l: &Matrix3<f64>, x: [f64; 3]) -> [f64; 3] {
     [a, b, (x[2] - l[(2, 0)] * a - l[(2, 1)] * b) / l[(2, 2)]]
 }
 
-/// Whether elimination left more of the last pivot, that of the inverse depth, than rounding.
+/// Whether the last pivot of the factorization, that of the inverse depth, is above rounding error.
 fn sound(factor: &Cholesky<f64, Const<3>>, c: &Matrix3<f64>) -> bool {
     (0..3).all(|k| factor.l_dirty()[(k, k)].powi(2) > 1e-13 * c[(k, k)])
 }

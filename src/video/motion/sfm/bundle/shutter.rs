@@ -1,25 +1,25 @@
-//! The pose of a row: cameras move while their rows are read.
+//! Rolling shutter: the pose of a row, interpolated between frames.
 //!
-//! Row time `τ` counts in frame periods from the frame's own pose, that of the row through the center of projection. Between
-//! the poses of a frame `i` and of its neighbors `k` at distances `o_k ∈ {±1, ±2}` the motion is interpolated by Lagrange's
-//! polynomials `c_k(τ)`:
+//! Row time `τ` is in frame periods relative to the frame's own pose, which is that of the row through the center of
+//! projection. Between the poses of a frame `i` and of its neighbors `k` at distances `o_k ∈ {±1, ±2}` the motion is
+//! interpolated by Lagrange polynomials `c_k(τ)`:
 //!
 //! ```text
 //! τ = (v − c_y)/(2 c_y) ρ_s
 //! R_i(τ) = Exp(θ) R_i,   θ = Σ_k c_k(τ) l_k,   l_k = Log(R_k R_iᵀ),      t_i(τ) = t_i + Σ_k c_k(τ) (t_k − t_i)
 //! ```
 //!
-//! With the two nearest neighbors, and to first order in `τ`, this is the motion by central differences. Two more follow a
-//! shake of several Hz, which a straight line between frames does not.
+//! With the two nearest neighbors, and to first order in `τ`, this is the motion by central differences. The two
+//! further neighbors represent a shake of several Hz, which linear interpolation between frames does not.
 
 use nalgebra::Matrix3;
 
 use plumbline_camera::rotation::left_jacobian_inverse;
 use plumbline_camera::{CameraPose, Vec3};
 
-/// Neighbors on either side.
+/// Neighbors on either side: two represent a shake of several Hz (see the module documentation).
 const REACH: isize = 2;
-/// Most neighbors of a frame.
+/// Maximum number of neighbors of a frame.
 pub(super) const NEIGHBORS: usize = 2 * REACH as usize;
 
 /// A neighbor of a frame.
@@ -36,7 +36,7 @@ pub(super) struct Neighbor {
     pub(super) translation: Vec3,
 }
 
-/// The neighbors that say how a frame moves; none for a global shutter.
+/// The neighbors that determine the row motion of a frame; none for a global shutter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stencil {
     neighbors: [Neighbor; NEIGHBORS],
@@ -44,7 +44,7 @@ pub(super) struct Stencil {
 }
 
 impl Stencil {
-    /// For a camera that stands still during the readout.
+    /// For a camera that is constant during the readout.
     pub(super) fn still() -> Self {
         let none = Neighbor {
             frame: 0,
@@ -83,7 +83,7 @@ impl Stencil {
         for (k, weight) in weights.iter_mut().enumerate().take(self.len) {
             let own = self.neighbors[k].offset;
             let others = (0..self.len).filter(|&m| m != k).map(|m| self.neighbors[m].offset);
-            // The product rule, factor by factor; the node 0 is the frame itself.
+            // Product rule, factor by factor; node 0 is the frame itself.
             *weight = std::iter::once(0.0).chain(others).fold((1.0, 0.0), |(value, slope), node| {
                 let (factor, rate) = ((tau - node) / (own - node), 1.0 / (own - node));
                 (value * factor, slope * factor + value * rate)
@@ -93,7 +93,7 @@ impl Stencil {
     }
 }
 
-/// Frames within reach of `frame`, no unknown one between.
+/// Known frames within [`REACH`] of `frame`, without an unknown frame between.
 pub(super) fn neighbors(frame: usize, known: impl Fn(usize) -> bool + Copy) -> impl Iterator<Item = usize> {
     let at = move |o: isize| frame.checked_add_signed(o);
     let is_known = move |f: Option<usize>| f.is_some_and(known);

@@ -1,4 +1,4 @@
-//! One point at a time, cameras given.
+//! Structure-only adjustment: one point at a time, cameras fixed.
 
 use nalgebra::{Cholesky, Matrix3};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ use plumbline_camera::Vec3;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
 use plumbline_num::run::Run;
 
-/// The search for one point.
+/// The optimization of one point.
 pub(super) struct PointProblem<'a> {
     pub(super) cameras: &'a Cameras,
     pub(super) anchor: usize,
@@ -41,7 +41,7 @@ impl<'a> PointProblem<'a> {
         Self { cameras, anchor, observations, robust_loss, beyond, present: start, trial: start, c, g, scratch }
     }
 
-    /// The best point found, and what it costs.
+    /// The best point found, and its cost.
     pub(super) fn search(mut self, options: &DampingOptions) -> (Ray, f64) {
         let cost = self.cost(&self.present);
         let report = minimize(&mut self, cost, options, &Run::default()).expect("a run that never stops");
@@ -75,7 +75,8 @@ impl DampedProblem for PointProblem<'_> {
     }
 
     fn propose(&mut self, lambda: f64) -> Option<f64> {
-        // A point seen without any baseline has a depth that nothing moves and nothing holds.
+        // A point observed without any baseline has a depth that is neither observed nor constrained: unit damping
+        // keeps it finite.
         let damping = lambda * self.c.diagonal().map(|d| if d > 0.0 { d } else { 1.0 });
         let step = -Cholesky::new(self.c + Matrix3::from_diagonal(&damping))?.solve(&self.g);
         self.trial = self.present.moved(&step);
@@ -91,8 +92,8 @@ impl DampedProblem for PointProblem<'_> {
     }
 }
 
-/// Refines every known point that two known frames see, each alone; poses, lens and readout stay. Returns how many there
-/// were.
+/// Refines every known point observed in at least two known frames, each alone; poses, lens and readout are fixed.
+/// Returns the number of points.
 ///
 /// # Errors
 /// As [`super::adjust`].

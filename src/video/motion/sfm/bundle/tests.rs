@@ -1,4 +1,4 @@
-//! Laws of the adjustment as a whole, on shots made up.
+//! Laws of the adjustment as a whole, on synthetic shots.
 
 use super::*;
 use crate::motion::sfm::synthetic::{Course, Disturbance, PathError, Shot, ShotOptions, path_error};
@@ -6,7 +6,7 @@ use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::energy::Loss;
 use plumbline_num::run::Run;
 
-/// As far off as a start may be: 1°, 5 % of the path, depths half as far again, focal length a fifth too long.
+/// Worst supported initial guess: 1°, 5 % of the path, depths by a factor of 1.5, focal length 20 % too long.
 const ROUGH: Disturbance = Disturbance { rotation: 0.0175, shift: 0.05, depth_factor: 1.5, focal_factor: 1.2 };
 
 fn free_lens() -> BundleOptions {
@@ -77,7 +77,7 @@ fn the_reported_deviation_of_the_focal_length_is_its_spread_over_noise() {
         squares += ((1.0 + focal_error(&scene, &shot)).ln() / sigma).powi(2);
         reported += sigma;
     }
-    // χ² of 24 degrees of freedom: 99.9 % lie between 8.1 and 51.2 on either side.
+    // χ² with 24 degrees of freedom: 99.9 % are between 8.1 and 51.2 on either side.
     assert!(squares > 8.0 && squares < 52.0, "{squares}, mean σ {}", reported / runs as f64);
 }
 
@@ -156,8 +156,9 @@ fn a_pose_is_found_from_points_in_spite_of_outliers() {
         let start = truth.perturbed(&Vec3::new(0.02, -0.01, 0.01), &Vec3::new(0.05, 0.02, -0.06));
         let found = resect(&scene, 20, start, &shot.observations, &RobustFit::default(), &Run::default())
             .expect("enough points");
-        // Cauchy's loss lets an outlier of r pull like c²/r: 30 of 150, at random, move a picture by some hundredth of a pixel,
-        // which is half a millimeter at 30 m. A row's motion is interpolated to a few hundredths of a pixel.
+        // Under Cauchy's loss an outlier of length r has influence c²/r: 30 of 150, in random directions, move an
+        // image by some hundredth of a pixel, which is half a millimeter at 30 m. A row's motion is interpolated to a
+        // few hundredths of a pixel.
         let limit = if readout == 0.0 { 1e-3 } else { 2e-3 };
         let apart = (found.pose.center() - truth.center()).norm();
         assert!(found.converged && apart < limit, "readout {readout}: {apart} {}", found.converged);

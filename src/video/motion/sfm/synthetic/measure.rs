@@ -1,21 +1,21 @@
-//! How far a reconstruction is from the truth.
+//! Errors of a reconstruction against the ground truth.
 
 use nalgebra::{Matrix3, UnitQuaternion};
 
 use plumbline_camera::{CameraPose, Vec3};
 
-/// Errors of camera paths after the best similarity between them.
+/// Errors of camera paths after similarity alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathError {
-    /// Root mean square distance of the centers, as a share of the length of the true path.
+    /// Root mean square distance of the centers, as a fraction of the length of the true path.
     pub position: f64,
-    /// Root mean square angle between the cameras' axes, rad, after the best common turn.
+    /// Root mean square angle between the cameras' axes, rad, after alignment by a common rotation.
     pub rotation: f64,
-    /// Root mean square angle between rotations from one frame to the next, rad.
+    /// Root mean square angular error of the rotations from one frame to the next, rad.
     pub frame_to_frame: f64,
 }
 
-/// Compares the frames that both paths know.
+/// Compares the frames known to both paths.
 ///
 /// # Reference
 /// S. Umeyama, *Least-squares estimation of transformation parameters between two point patterns*, PAMI 13 (1991).
@@ -42,7 +42,7 @@ pub fn path_error(found: &[Option<CameraPose>], truth: &[Option<CameraPose>]) ->
     }
 }
 
-/// Rotation and scale that carry the found centers to the true ones.
+/// Rotation and scale that align the estimated centers with the true ones.
 fn umeyama(moments: &Matrix3<f64>, spread: f64) -> (Matrix3<f64>, f64) {
     let svd = moments.svd(true, true);
     let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
@@ -52,7 +52,8 @@ fn umeyama(moments: &Matrix3<f64>, spread: f64) -> (Matrix3<f64>, f64) {
     (u * flip * v_t, scale)
 }
 
-/// `C` that minimizes the sum of squared angles of `R_found C` to `R_true`, to first order about the first pair's.
+/// `C` that minimizes the sum of squared angles between `R_found C` and `R_true`, to first order about that of the
+/// first pair.
 fn common_rotation(pairs: &[(CameraPose, CameraPose)]) -> UnitQuaternion<f64> {
     let Some(first) = pairs.first() else { return UnitQuaternion::identity() };
     let between = |p: &(CameraPose, CameraPose)| p.0.rotation.inverse() * p.1.rotation;

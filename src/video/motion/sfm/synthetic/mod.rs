@@ -1,7 +1,7 @@
-//! Shots made up to test with: a shaking camera among random points, tracked exactly or not, the truth known.
+//! Synthetic shots with ground truth: a shaking camera among random points, with exact or noisy tracks.
 //!
-//! A tracker is imitated: in every frame points are added at random pixels and depths until the wanted number is followed;
-//! each is followed until it leaves the picture or its lifetime ends.
+//! The generator imitates a tracker: in every frame points are added at random pixels and depths until the target
+//! number is followed; each is followed until it leaves the image or its lifetime ends.
 
 mod measure;
 mod path;
@@ -15,30 +15,30 @@ use super::{Observation, Scene, ScenePoint, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::math::{Point2, Vec2};
 
-/// What is made up.
+/// Options of a synthetic shot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShotOptions {
-    /// Seed of everything random.
+    /// Random seed.
     pub seed: u64,
     /// Number of frames.
     pub frames: usize,
     /// Points seen in each frame.
     pub per_frame: usize,
-    /// Mean time for which a point is followed, frames, if it stays in the picture.
+    /// Mean duration of a track, frames, if the point stays in the image.
     pub lifetime: f64,
     /// How the camera moves.
     pub course: Course,
-    /// 1: a hand; 0: a tripod on wheels.
+    /// Amplitude of the shake. 1: hand-held; 0: a dolly without shake.
     pub shake: f64,
-    /// Focal length, px; the picture has 640 × 360 px.
+    /// Focal length, px; the image has 640 × 360 px.
     pub focal: f64,
     /// Radial term.
     pub k1: f64,
     /// Readout, frame periods.
     pub readout: f64,
-    /// Standard deviation of the error of observations, px, in x and in y.
+    /// Standard deviation of the observation noise, px, in x and in y.
     pub noise_px: f64,
-    /// Share of observations that are anywhere within 40 px of the truth.
+    /// Fraction of outliers: observations uniformly distributed within 40 px of the true position.
     pub outliers: f64,
 }
 
@@ -61,37 +61,37 @@ impl Default for ShotOptions {
     }
 }
 
-/// A shot with its truth.
+/// A shot with its ground truth.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// The scene as it was.
+    /// The true scene.
     pub truth: Scene,
-    /// Where points were seen, by frame.
+    /// Observations, by frame.
     pub observations: Vec<Observation>,
     /// Which of the observations are outliers.
     pub is_outlier: Vec<bool>,
 }
 
-/// How a start differs from the truth.
+/// Deviation of an initial guess from the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disturbance {
-    /// Turn of every camera about a random axis, rad.
+    /// Rotation of every camera about a random axis, rad.
     pub rotation: f64,
-    /// Shift of every camera in a random direction, as a share of the path's length.
+    /// Translation of every camera in a random direction, as a fraction of the path's length.
     pub shift: f64,
-    /// Depths are multiplied or divided by up to this factor.
+    /// Maximum factor by which depths are multiplied or divided.
     pub depth_factor: f64,
-    /// Focal length over the true one.
+    /// Ratio of the focal length to the true one.
     pub focal_factor: f64,
 }
 
 const SIZE: (f64, f64) = (640.0, 360.0);
-/// Points keep this distance from the picture's border, px.
+/// Minimum distance of points from the image border, px.
 const MARGIN: f64 = 4.0;
-/// Depths at which points appear, m, evenly by logarithm.
+/// Range of depths at which points appear, m; log-uniform.
 const DEPTHS: (f64, f64) = (3.0, 30.0);
 
-/// A point under observation.
+/// A point with an active track.
 struct Followed {
     index: u32,
     position: Point3,
@@ -99,7 +99,7 @@ struct Followed {
 }
 
 impl Shot {
-    /// Makes a shot up.
+    /// Generates a shot.
     pub fn new(options: &ShotOptions) -> Self {
         let mut rng = fastrand::Rng::with_seed(options.seed);
         let path = ShakyPath::new(options.course, options.frames, options.shake, &mut rng);
@@ -118,7 +118,7 @@ impl Shot {
         shot
     }
 
-    /// What a tracker would tell: per frame the points seen and where, in order of the points.
+    /// Output of a tracker: per frame the observed points and their positions, ordered by point.
     pub fn frames(&self) -> Vec<Vec<(u32, Point2)>> {
         let mut frames = vec![Vec::new(); self.truth.poses.len()];
         self.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
@@ -128,7 +128,7 @@ impl Shot {
         frames
     }
 
-    /// The same as a table.
+    /// The same as a [`TrackTable`].
     pub fn table(&self) -> TrackTable {
         TrackTable::new(SIZE.0 as u32, SIZE.1 as u32, self.frames())
     }
@@ -171,7 +171,7 @@ impl Shot {
         }
     }
 
-    /// A start for an adjustment: the truth disturbed, `k₁` and readout unknown.
+    /// An initial guess for an adjustment: the disturbed truth, with `k₁` and readout unknown.
     pub fn start(&self, disturbance: &Disturbance, seed: u64) -> Scene {
         let mut rng = fastrand::Rng::with_seed(seed);
         let mut scene = self.truth.clone();
@@ -191,11 +191,12 @@ impl Shot {
     }
 }
 
-/// Pixel at which a point is seen by the row that looks at it.
+/// Pixel at which a point is observed, with the pose of the row that captures it.
 fn projected(path: &ShakyPath, lens: &Intrinsics, readout: f64, frame: usize, position: &Point3) -> Option<Point2> {
     let mut time = frame as f64;
     let mut pixel = lens.project(&path.pose(time).apply(position))?;
-    // Row and time determine each other; each round is nearer by the rows that the picture moves per row, far below one.
+    // Fixed-point iteration: row and time depend on each other. The contraction factor is the image motion per row,
+    // far below one.
     for _ in 0..if readout == 0.0 { 0 } else { 30 } {
         time = frame as f64 + (pixel.y / SIZE.1 - 0.5) * readout;
         pixel = lens.project(&path.pose(time).apply(position))?;
@@ -207,7 +208,7 @@ fn inside(p: &Point2) -> bool {
     p.x >= MARGIN && p.x <= SIZE.0 - MARGIN && p.y >= MARGIN && p.y <= SIZE.1 - MARGIN
 }
 
-/// A normal deviate, by Box and Muller.
+/// A standard normal variable, by the Box–Muller transform.
 fn gaussian(rng: &mut fastrand::Rng) -> f64 {
     (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (std::f64::consts::TAU * rng.f64()).cos()
 }

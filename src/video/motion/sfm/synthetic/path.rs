@@ -6,33 +6,33 @@ use nalgebra::UnitQuaternion;
 
 use plumbline_camera::{CameraPose, Point3, Vec3};
 
-/// Sines per channel of the shake.
+/// Number of sines per channel of the shake.
 const SINES: usize = 12;
 /// Shake frequencies, cycles per frame: 1 to 7 Hz at 30 frames per second.
 const BAND: (f64, f64) = (1.0 / 30.0, 7.0 / 30.0);
 
-/// How the camera is meant to move, before it shakes.
+/// The intended camera motion, without shake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Course {
     /// Forward along an arc, with a slow pan.
     Walk,
     /// Sideways.
     Side,
-    /// It stands and pans; its center does not move, not even by shake.
+    /// A pan from a fixed position: the center is constant, without shake.
     Rotation,
 }
 
-/// Poses at any time, in frames.
+/// Camera poses as a function of time, in frames.
 #[derive(Clone, Debug)]
 pub struct ShakyPath {
     course: Course,
     frames: f64,
-    /// Three turns, rad, then three shifts: amplitude, frequency and phase of each sine.
+    /// Three rotation channels, rad, then three translation channels: amplitude, frequency and phase of each sine.
     sines: Vec<[(f64, f64, f64); SINES]>,
 }
 
 impl ShakyPath {
-    /// A path over so many frames; `shake` scales a typical hand's 0.6° and 2 cm.
+    /// A path over `frames` frames; `shake` scales a typical hand's 0.6° and 2 cm.
     pub fn new(course: Course, frames: usize, shake: f64, rng: &mut fastrand::Rng) -> Self {
         let shift = if course == Course::Rotation { 0.0 } else { 0.02 };
         let sizes = [0.0105, 0.0105, 0.0063, shift, shift, 0.6 * shift];
@@ -42,7 +42,7 @@ impl ShakyPath {
                 let frequency = BAND.0 * (BAND.1 / BAND.0).powf(rng.f64());
                 *sine = (1.0 / frequency, frequency, TAU * rng.f64());
             }
-            // Power falls with frequency; the sum has the wanted root mean square.
+            // Power falls with frequency; the sum is normalized to the target root mean square.
             let power: f64 = sines.iter().map(|s| 0.5 * s.0 * s.0).sum();
             sines.map(|(a, f, p)| (a * shake * size / power.sqrt(), f, p))
         });
@@ -63,7 +63,7 @@ impl ShakyPath {
         CameraPose::looking_from(Point3::from(center), rotation)
     }
 
-    /// Turn about x, y, z and center; meters, 0.025 m per frame.
+    /// Rotation about x, y, z and center; meters, 0.025 m per frame.
     fn intended(&self, time: f64) -> (Vec3, Vec3) {
         let part = time / self.frames;
         let wave = (TAU * part).sin();

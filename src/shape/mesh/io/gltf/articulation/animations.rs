@@ -1,4 +1,4 @@
-//! Animations: keys of nodes over time.
+//! Animations: keyframes of node properties.
 
 use super::super::accessor::Values;
 use super::super::document::{self, Channel as Described, Sampler};
@@ -6,7 +6,7 @@ use super::super::{fault, input::Input};
 use crate::mesh::MeshError;
 use crate::mesh::model::articulation::{Animation, Articulation, Channel, ChannelInterpolation, Property};
 
-/// All animations, and how many channels were left out: those of properties that are not read, and of nothing.
+/// All animations, and the number of ignored channels: those of unknown properties and those without a target.
 pub(in super::super) fn read(input: &Input<'_>, tree: &Articulation) -> Result<(Vec<Animation>, usize), MeshError> {
     let (mut animations, mut skipped) = (Vec::new(), 0);
     for (k, described) in input.document.animations.iter().enumerate() {
@@ -26,6 +26,7 @@ pub(in super::super) fn read(input: &Input<'_>, tree: &Articulation) -> Result<(
     Ok((animations, skipped))
 }
 
+/// Reads one channel; `None` if it is ignored.
 fn channel_of(
     input: &Input<'_>,
     tree: &Articulation,
@@ -33,6 +34,7 @@ fn channel_of(
     channel: &Described,
     (number, at): (usize, &str),
 ) -> Result<Option<Channel>, MeshError> {
+    // Sampler, property and node.
     let there = animation.samplers.len();
     let missing = || fault(at, format!("refers to sampler {}; there are {there}", channel.sampler));
     let sampler = animation.samplers.get(channel.sampler).ok_or_else(missing)?;
@@ -48,16 +50,18 @@ fn channel_of(
         return Err(fault(at, format!("moves node {node}; there are only {}", tree.nodes.len())));
     }
     let node = node as u32;
+    // Numbers per value.
     let width = match property {
         Property::Rotation => 4,
         Property::Translation | Property::Scale => 3,
         Property::Weights => match tree.instance_at(node).map_or(0, |i| tree.instances[i].targets.len()) {
-            // Nothing of the scene is morphed by it.
+            // No morph target in the scene: the channel has no effect.
             0 => return Ok(None),
             targets => targets,
         },
     };
     let at = format!("/animations/{number}/samplers/{}", channel.sampler);
+    // Keys: times and values, with matching counts and finite.
     let interpolation = interpolation(sampler, &at)?;
     let times = times(input, sampler)?;
     let values = keys(input, sampler, property)?;

@@ -1,4 +1,4 @@
-//! What moves in a document: nodes, skins, morph targets and animations.
+//! Readers of nodes, skins, morph targets and animations.
 
 pub(super) mod animations;
 pub(super) mod nodes;

@@ -1,4 +1,4 @@
-//! Nodes: a forest, checked before anything is placed by it.
+//! The node hierarchy: checked to be a forest before any transform is applied.
 
 use nalgebra::Matrix4;
 
@@ -28,7 +28,7 @@ pub(in super::super) fn read(document: &Document) -> Result<Vec<Node>, MeshError
     Ok(nodes)
 }
 
-/// Checks that the path to the root ends for every node.
+/// Checks that the chain of parents ends for every node: there is no cycle.
 fn ends(nodes: &[Node]) -> Result<(), MeshError> {
     let mut done = vec![false; nodes.len()];
     for start in 0..nodes.len() {

@@ -1,4 +1,4 @@
-//! Skins, and what the vertices of a primitive follow.
+//! Skins, and the skinning weights of the vertices of a primitive.
 
 use nalgebra::Matrix4;
 
@@ -7,13 +7,15 @@ use super::super::{fault, input::Input};
 use crate::mesh::MeshError;
 use crate::mesh::model::articulation::NodeSkin;
 
-/// Sums of weights within this of one are rounding of numbers stored in eight bits; others are told of.
+/// Maximum deviation of a sum of weights from one without a warning: rounding of eight weights stored in eight bits, by at most
+/// ½/255 each, adds up to 0.016.
 const ROUNDED: f64 = 0.02;
 
-/// The last row of an inverse bind matrix may be off this far from 0, 0, 0, 1.
+/// Maximum deviation of the last row of an inverse bind matrix from the 0, 0, 0, 1 that the specification requires: tolerates
+/// rounding of exporters; the row is then set exactly. Larger deviations are no affine transform.
 const AFFINE: f64 = 1e-3;
 
-/// Sets of four influences that are read.
+/// Number of sets of four influences that are read: `JOINTS_0` and `JOINTS_1`, eight influences per vertex.
 const SETS: usize = 2;
 
 /// All skins of the document.
@@ -69,13 +71,14 @@ fn matrices(input: &Input<'_>, accessor: usize, joints: usize, at: &str) -> Resu
 /// Rows of joints and weights, one per vertex.
 pub(in super::super) type Rows = Vec<Vec<(u32, f64)>>;
 
-/// What the vertices of a primitive follow, and how many weights had another sum than one.
+/// Joints and normalized weights of the vertices of a primitive, and the number of vertices whose weights did not sum to one.
 pub(in super::super) fn influences(
     input: &Input<'_>,
     primitive: &Primitive,
     (skin, vertices): (usize, usize),
     at: &str,
 ) -> Result<(Rows, usize), MeshError> {
+    // Rows from all sets of influences, checked; then normalization.
     let joints_there = joints_of(input.document, skin, at)?;
     let mut rows: Rows = vec![Vec::new(); vertices];
     for set in 0..SETS {
@@ -115,7 +118,7 @@ fn joints_of(document: &Document, skin: usize, at: &str) -> Result<usize, MeshEr
     document.skins.get(skin).map(|s| s.joints.len()).ok_or_else(told)
 }
 
-/// A joint that is named twice has both weights.
+/// Adds an influence; the weights of a repeated joint are summed.
 fn add(row: &mut Vec<(u32, f64)>, joint: u32, weight: f64) {
     match row.iter_mut().find(|(j, _)| *j == joint) {
         Some((_, sum)) => *sum += weight,

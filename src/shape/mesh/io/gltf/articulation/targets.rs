@@ -7,7 +7,7 @@ use super::super::{fault, input::Input};
 use crate::mesh::MeshError;
 use crate::mesh::model::articulation::MorphTarget;
 
-/// The targets of a mesh at a node, moving nothing yet.
+/// The morph targets of a mesh at a node, without offsets.
 pub(in super::super) fn of_mesh(mesh: &Mesh, node: Option<&Node>, at: &str) -> Result<Vec<MorphTarget>, MeshError> {
     let counts = mesh.primitives.iter().filter(|p| p.mode.is_none_or(|mode| mode > 3)).map(|p| p.targets.len());
     let (fewest, most) = counts.fold((usize::MAX, 0), |(low, high), n| (low.min(n), high.max(n)));
@@ -27,8 +27,8 @@ pub(in super::super) fn of_mesh(mesh: &Mesh, node: Option<&Node>, at: &str) -> R
     Ok((0..most).map(target).collect())
 }
 
-/// Adds to the targets what they do to the vertices of a primitive, which begin with `first`. `turn` moves differences as the
-/// node does, `turn_normals` those of normals.
+/// Adds the offsets of the vertices of a primitive, which start at `first`, to the targets. `turn` is the linear part of the
+/// node transform, `turn_normals` the transform of normals.
 pub(in super::super) fn add(
     input: &Input<'_>,
     targets: &mut [MorphTarget],
@@ -58,7 +58,7 @@ pub(in super::super) fn add(
             let (offset, normal) = (of(&offsets), of(&normals));
             if offset != Vector3::zeros() || normal != Vector3::zeros() {
                 if with_normals || !target.normals.is_empty() {
-                    // Primitives before this one may have told no normals.
+                    // Preceding primitives may have no normal offsets: pad with zeros.
                     target.normals.resize(target.vertices.len(), [0.0; 3]);
                     target.normals.push(normal.into());
                 }

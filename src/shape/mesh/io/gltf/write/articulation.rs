@@ -1,4 +1,4 @@
-//! The writing of what moves.
+//! Writer of nodes, skins, morph targets and animations.
 
 use nalgebra::{Matrix4, Vector3};
 use serde_json::{Map, Value, json};
@@ -10,7 +10,7 @@ use crate::mesh::model::articulation::{
 };
 use plumbline_num::document::gltf::ARRAY_BUFFER;
 
-/// Influences of a vertex that are written: two sets of four.
+/// Maximum number of influences written per vertex: two sets of four, `JOINTS_0` and `JOINTS_1`, as many as the reader reads.
 pub(in crate::mesh::io) const MAX_INFLUENCES: usize = 8;
 
 impl File<'_> {
@@ -45,7 +45,7 @@ impl File<'_> {
         self.buffer.accessor(&bytes, if wide { 5123 } else { 5121 }, joints.len(), "VEC4", Some(ARRAY_BUFFER))
     }
 
-    /// Morph targets of a part, as the primitives name them.
+    /// Morph targets of a part, in the form of the primitives.
     pub(super) fn targets(&mut self, part: &Part, keys: &[Key]) -> Vec<Value> {
         let model = self.model;
         let Some((articulation, instance)) = model.articulation().zip(part.instance) else { return Vec::new() };
@@ -68,9 +68,10 @@ impl File<'_> {
         attributes
     }
 
-    /// The nodes with their children, the meshes standing at them, the skins and the animations. `mesh_of_instance` are the
-    /// numbers of the meshes that were written.
+    /// Writes the nodes with their children and meshes, the skins and the animations. `mesh_of_instance` has the index of the
+    /// written mesh of each instance.
     pub(super) fn articulation(&mut self, articulation: &Articulation, mesh_of_instance: &[Option<usize>]) {
+        // Nodes and their hierarchy.
         self.nodes = articulation.nodes.iter().map(|node| transform(&node.transform)).collect();
         for (k, node) in articulation.nodes.iter().enumerate() {
             if let Some(name) = node.name.as_ref().filter(|name| !name.is_empty()) {
@@ -86,6 +87,7 @@ impl File<'_> {
                 }
             }
         }
+        // Meshes and skins of the instances.
         for (instance, mesh) in articulation.instances.iter().zip(mesh_of_instance) {
             let Some(mesh) = mesh else { continue };
             let node = &mut self.nodes[instance.node as usize];
@@ -95,6 +97,7 @@ impl File<'_> {
             }
             morphed(&mut self.meshes[*mesh], instance);
         }
+        // Skins, with column-major inverse bind matrices.
         for skin in &articulation.skins {
             let columns: Vec<[f32; 16]> =
                 skin.inverse_binds.iter().map(|m| std::array::from_fn(|k| m.as_slice()[k] as f32)).collect();
@@ -112,7 +115,7 @@ impl File<'_> {
     fn animations(&mut self, articulation: &Articulation, mesh_of_instance: &[Option<usize>]) {
         for animation in &articulation.animations {
             let (mut channels, mut samplers) = (Vec::new(), Vec::new());
-            // Channels often share their times.
+            // Channels often have the same key times: write them once.
             let mut known: Vec<(&[f64], usize)> = Vec::new();
             for channel in &animation.channels {
                 let at = articulation.instance_at(channel.node);
@@ -178,7 +181,7 @@ impl File<'_> {
     }
 }
 
-/// The closest influences of a vertex, as many as are written. Where a vertex of a skin follows nothing, the first joint.
+/// The [`MAX_INFLUENCES`] largest influences of a vertex, renormalized. A vertex without influences follows the first joint.
 fn kept(articulation: &Articulation, vertex: usize) -> Vec<(u32, f64)> {
     let mut row: Vec<(u32, f64)> = articulation.influences.row(vertex).collect();
     row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -190,7 +193,7 @@ fn kept(articulation: &Articulation, vertex: usize) -> Vec<(u32, f64)> {
     for (_, w) in &mut row {
         *w /= sum;
     }
-    // The sum of the rounded weights is one as well.
+    // The largest weight absorbs the rounding of the others, so that the rounded weights sum to one as well.
     let rest: f64 = row[1..].iter().map(|(_, w)| f64::from(*w as f32)).sum();
     row[0].1 = 1.0 - rest;
     row

@@ -1,9 +1,9 @@
-//! The writing of glTF.
+//! glTF writer.
 //!
-//! One node per object where objects share no vertex, one for all otherwise; one primitive per group and material. A vertex with
-//! several texture coordinates or normals becomes several. Coordinates are 32-bit numbers: where the mesh lies far from the
-//! origin they are taken from its middle, and the node moves them back. A model that moves keeps its own nodes instead, and each
-//! mesh is written as its node holds it.
+//! One node per object if objects have no common vertices, otherwise one node for all; one primitive per group and material. A
+//! vertex with several texture coordinates or normals is duplicated. Coordinates are 32-bit numbers: for a mesh far from the
+//! origin they are relative to the center of its bounding box, and the node has the translation. An articulated model keeps its
+//! own nodes instead, and each mesh is written in the space of its node.
 
 mod articulation;
 mod parts;
@@ -19,13 +19,13 @@ pub(in crate::mesh::io) use articulation::MAX_INFLUENCES;
 use parts::{Part, origin, parts};
 use plumbline_num::document::gltf::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GltfBuffer};
 
-/// Component type of indices.
+/// Component type of indices: `UNSIGNED_INT` of the glTF specification, which covers the 32-bit vertex indices of a model.
 const UNSIGNED_INT: u32 = 5125;
 
-/// Vertex, texture coordinate, normal.
+/// Indices of vertex, texture coordinate and normal: the identity of a written vertex.
 type Key = [u32; 3];
 
-/// Writes the model; `binary` as GLB.
+/// Writes the model, as GLB if `binary`.
 pub(in crate::mesh::io) fn write(model: &Model, binary: bool, out: &mut impl Write) -> io::Result<()> {
     let mut file = File::of(model);
     let meshes: Vec<_> = parts(model).iter().map(|part| file.part(part)).collect();
@@ -52,7 +52,7 @@ struct File<'a> {
 
 impl<'a> File<'a> {
     fn of(model: &'a Model) -> Self {
-        // The format asks for unit normals at every vertex.
+        // The specification requires unit normals at every vertex; 10⁻³ is a tolerance for rounding.
         let unit = |n: &[f64; 3]| (Vector3::from(*n).norm() - 1.0).abs() < 1e-3;
         let all =
             |n: &crate::mesh::CornerData<3>| n.of_corner.iter().all(|&i| n.values.get(i as usize).is_some_and(unit));
@@ -75,7 +75,7 @@ impl<'a> File<'a> {
         [self.model.faces().vertices()[corner], texture, normal]
     }
 
-    /// The vertices of a part, in the order of the model's.
+    /// The distinct vertices of a part, sorted by vertex index.
     fn vertices(&self, part: &Part) -> Vec<Key> {
         let corners = part.faces.iter().flat_map(|&face| self.model.faces().corners(face));
         let mut keys: Vec<_> = corners.map(|corner| self.key(corner)).collect();
@@ -117,6 +117,7 @@ impl<'a> File<'a> {
         Some(self.meshes.len() - 1)
     }
 
+    /// The primitives of a part: its triangles grouped by group and material.
     fn primitives(&mut self, part: &Part, keys: &[Key], attributes: &Value, targets: &[Value]) -> Vec<Value> {
         let (model, mirrored) = (self.model, part.mirrored());
         let label = |of_face: &[u32], face: usize| of_face.get(face).copied().unwrap_or(NO_VALUE);
@@ -183,7 +184,7 @@ impl<'a> File<'a> {
         Value::Object(attributes)
     }
 
-    /// Materials, and what they refer to as it was read.
+    /// Materials, with their textures, samplers and images as they were read.
     fn assets(&mut self) {
         let model = self.model;
         let material = |m: &crate::mesh::Material| m.gltf.clone().unwrap_or_else(|| json!({ "name": m.name }));

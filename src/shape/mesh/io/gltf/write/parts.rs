@@ -1,4 +1,4 @@
-//! Which faces go into which node.
+//! Assignment of faces to nodes.
 
 use std::collections::BTreeMap;
 
@@ -8,26 +8,27 @@ use super::super::scene::normal_matrix;
 use crate::mesh::Model;
 use crate::mesh::model::articulation::Articulation;
 
-/// How many diagonals from the origin a mesh may lie before 32-bit coordinates lose a millionth of it.
+/// Distance from the origin, in bounding box diagonals, beyond which coordinates are written relative to the center: the
+/// rounding of 32-bit coordinates, 2⁻²⁴ of the distance, reaches a millionth of the diagonal at 16 diagonals.
 const FAR: f64 = 16.0;
 
-/// Faces that go into one node, in order of group and material.
+/// Faces of one node, in the order of group and material.
 pub(super) struct Part {
-    /// Of the node.
+    /// Name of the node.
     pub(super) name: String,
-    /// Of the mesh.
+    /// Name of the mesh.
     pub(super) mesh: String,
     pub(super) faces: Vec<usize>,
-    /// Vertices that no face names and that go with the part.
+    /// Isolated vertices assigned to the part.
     pub(super) loose: Vec<u32>,
-    /// Of the articulation.
+    /// Index of the instance in the articulation.
     pub(super) instance: Option<usize>,
-    /// Vertex positions as written.
+    /// Transform from model coordinates to the written coordinates.
     pub(super) from_model: Matrix4<f64>,
 }
 
 impl Part {
-    /// Linear map of normals.
+    /// A normal in the written coordinates.
     pub(super) fn normal(&self, normal: &[f64; 3]) -> [f64; 3] {
         if self.from_model == Matrix4::identity() {
             return *normal;
@@ -36,13 +37,13 @@ impl Part {
         turned.try_normalize(0.0).unwrap_or_else(Vector3::z).into()
     }
 
-    /// Triangles change their side.
+    /// Whether the transform is a reflection, so that the orientation of the triangles is reversed.
     pub(super) fn mirrored(&self) -> bool {
         self.from_model.determinant() < 0.0
     }
 }
 
-/// One part per instance; without instances one per object if objects have no common vertex, else one for all.
+/// One part per instance; without instances one per object if objects have no common vertices, else one for all.
 pub(super) fn parts(model: &Model) -> Vec<Part> {
     match model.articulation() {
         Some(articulation) => of_instances(model, articulation),
@@ -57,7 +58,7 @@ fn of_instances(model: &Model, articulation: &Articulation) -> Vec<Part> {
         let from_model = if instance.skin.is_some() { Some(Matrix4::identity()) } else { inverse() };
         let mesh = instance.mesh.clone().unwrap_or_default();
         let name = articulation.nodes[instance.node as usize].name.clone().unwrap_or_else(|| mesh.clone());
-        // A part with a singular transform at rest is written flat, as it is.
+        // With a singular rest transform there is no inverse: the part is written in world coordinates, flat as it is.
         let from_model = from_model.unwrap_or_else(Matrix4::identity);
         Part { name, mesh, faces: Vec::new(), loose: Vec::new(), instance: Some(k), from_model }
     };
@@ -72,6 +73,7 @@ fn of_instances(model: &Model, articulation: &Articulation) -> Vec<Part> {
 }
 
 fn of_objects(model: &Model) -> Vec<Part> {
+    // Faces of each object, in the order of the file; whether two objects have a common vertex.
     let object = |face: usize| model.groups().get(face).map_or("", |group| &group.object);
     let mut objects: BTreeMap<&str, (usize, Vec<usize>)> = BTreeMap::new();
     let mut owner: Vec<Option<&str>> = vec![None; model.mesh().vertex_count()];
@@ -97,13 +99,14 @@ fn of_objects(model: &Model) -> Vec<Part> {
         let name = objects.keys().next().filter(|_| !shared).copied().unwrap_or_default();
         return vec![part(name, (0..model.faces().len()).collect(), unnamed(model))];
     }
+    // One part per object; isolated vertices go to the first.
     let mut parts: Vec<_> = objects.into_iter().collect();
     parts.sort_by_key(|(_, (order, _))| *order);
     let first = |order: usize| if order == 0 { unnamed(model) } else { Vec::new() };
     parts.into_iter().map(|(name, (order, faces))| part(name, faces, first(order))).collect()
 }
 
-/// What is taken from coordinates: the middle of a mesh far from the origin.
+/// Offset subtracted from coordinates: the bounding box center of a mesh far from the origin, else zero.
 pub(super) fn origin(model: &Model) -> Vector3<f64> {
     let mesh = model.mesh();
     let diagonal = mesh.diagonal();
@@ -112,6 +115,7 @@ pub(super) fn origin(model: &Model) -> Vector3<f64> {
     middle.filter(|_| far && diagonal > 0.0).unwrap_or_else(Vector3::zeros)
 }
 
+/// Isolated vertices: referenced by no face.
 fn unnamed(model: &Model) -> Vec<u32> {
     let mut named = vec![false; model.mesh().vertex_count()];
     model.faces().vertices().iter().for_each(|&v| named[v as usize] = true);
