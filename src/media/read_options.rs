@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::FieldOrder;
 
-/// What happens to interlaced pictures.
+/// Deinterlacing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]

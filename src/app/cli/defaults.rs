@@ -7,8 +7,10 @@ use clap::{Arg, Command};
 
 use super::failure::Failure;
 use crate::pipeline::partial::PartialFile;
+use crate::pipeline::shipped::MAX_BYTES;
 use crate::pipeline::syntax::Source;
 use crate::pipeline::{Exit, PipelineFile};
+use plumbline_num::document::read_text;
 
 /// A file of settings, and the settings that the command at hand has as options.
 pub(super) struct Defaults {
@@ -31,7 +33,7 @@ pub(super) fn requested(command: &Command, args: &[OsString]) -> Option<(Vec<Str
 impl Defaults {
     /// Reads and checks the file.
     pub(super) fn read(path: &Path) -> Result<Self, Failure> {
-        let text = std::fs::read_to_string(path).map_err(|e| Failure {
+        let text = read_text(path, MAX_BYTES).map_err(|e| Failure {
             exit: Exit::Input,
             message: format!("{}: the settings cannot be read: {e}", path.display()),
             drawn: false,

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use plumbline_num::document::read_text;
+
 use super::syntax::Source;
 
 /// `(name, text)` of every shipped file.
@@ -22,13 +24,16 @@ pub fn shipped(name: &str) -> Option<Source> {
     Some(Source { name: format!("{name}.toml (shipped)"), text: (*text).to_owned(), base: None })
 }
 
+/// Size of the largest pipeline file, bytes: written by hand, they have some kilobytes.
+pub(crate) const MAX_BYTES: u64 = 1 << 24;
+
 /// The source that `FILE|NAME` means: an existing file first, then a shipped name.
 ///
 /// # Errors
 /// Neither exists, or the file cannot be read.
 pub fn find_source(name: &str) -> Result<Source, String> {
     let path = Path::new(name);
-    match std::fs::read_to_string(path) {
+    match read_text(path, MAX_BYTES) {
         Ok(text) => {
             let base = path.parent().filter(|p| *p != Path::new("")).map(Path::to_owned);
             Ok(Source { name: name.to_owned(), text, base })

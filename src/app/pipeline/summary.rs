@@ -175,6 +175,9 @@ impl Summary {
     }
 }
 
+/// Files that the line of a result names one by one; of more, such as the frames of an animation, the first and the last.
+const MAX_LISTED: usize = 4;
+
 impl Summary {
     /// The result in one line, and a line for each warning.
     pub fn brief(&self) -> String {
@@ -191,7 +194,11 @@ impl Summary {
         }
         facts.extend(self.crop.map(|crop| format!("{:.1} % kept", 100.0 * crop)));
         facts.extend(self.lines.as_ref().map(|lines| format!("lines {lines}")));
-        let files = if outputs.is_empty() { "no file".to_owned() } else { outputs.join(", ") };
+        let files = match outputs.as_slice() {
+            [] => "no file".to_owned(),
+            [first, .., last] if outputs.len() > MAX_LISTED => format!("{first} to {last} ({} files)", outputs.len()),
+            all => all.join(", "),
+        };
         let mut text = format!("wrote {files}: {} ({:.1} s)\n", facts.join(", "), self.seconds);
         if facts.is_empty() {
             text = format!("wrote {files} ({:.1} s)\n", self.seconds);

@@ -92,9 +92,9 @@ pub struct PoseSettings {
     /// Poses: of a movement from its start to its end, of a pose file from rest to the pose; 1: the last alone
     #[schemars(range(min = 1, max = 9999))]
     pub frames: u32,
-    /// Where the movement begins, s; its first key if left out
+    /// Begin of the animation, seconds; its first key if left out
     pub start: Option<f64>,
-    /// Where the movement ends, s; its last key if left out
+    /// End of the animation, seconds; its last key if left out
     pub end: Option<f64>,
     /// How the targets of a pose file are sought
     pub ik: IkMethod,

@@ -16,7 +16,7 @@ use plumbline_image::still::Photo;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FacesDetectSettings {
-    /// Least score of a face; real ones have 8 to about 30
+    /// Minimum score of a face; real ones have 8 to about 30
     #[schemars(range(min = 1.0, max = 100.0))]
     pub min_score: f64,
 }

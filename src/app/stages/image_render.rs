@@ -23,7 +23,7 @@ use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_num::run::Run;
 
-/// What fills pixels that the source does not cover.
+/// Fill of pixels that the source does not cover.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum PhotoBorder {
@@ -46,7 +46,7 @@ pub enum PhotoBorder {
 pub struct ImageRenderSettings {
     /// How pixels are interpolated
     pub interpolation: video_render::Interpolation,
-    /// What fills pixels that the source does not cover
+    /// Fill of pixels that the source does not cover
     pub border: PhotoBorder,
     /// Size of the result, such as 1600x1200; that of the maps if left out
     pub size: Option<PictureSize>,

@@ -40,9 +40,9 @@ pub struct LensUndistortSettings {
     pub fov_axis: FieldAxis,
     /// How directions become the picture: perspective, stereographic, panini, panini:D, mercator, cylindrical, equirectangular or optimized
     pub to: Target,
-    /// Where the viewer looks: yaw, pitch and roll in degrees
+    /// View direction relative to the camera's: yaw, pitch and roll in degrees
     pub view: ViewAngles,
-    /// What is cut away: auto keeps the clip's shape, none keeps a curved border, or a shape such as 16:9
+    /// Crop: auto keeps the clip's aspect ratio, none keeps the curved border, or an aspect ratio such as 16:9
     pub crop: Crop,
     /// Size of the result: 1920x1080, 800x, x600 or 60%; that of the clip if left out
     pub size: Option<PictureSize>,

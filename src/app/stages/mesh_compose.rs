@@ -17,7 +17,7 @@ use plumbline_shape::morph::composition::{Cut, SeamFile, compose};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ComposeSettings {
-    /// Where both are cut and how they are joined (`plumbline schema seam` describes the file)
+    /// Cuts of both meshes and their joint (`plumbline schema seam` describes the file)
     #[schemars(extend("format" = "path"))]
     pub seam: String,
     /// Also write a report: NAME.html or NAME.json

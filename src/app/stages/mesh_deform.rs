@@ -24,7 +24,7 @@ use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deforme
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MeshDeformSettings {
-    /// Which vertices are fixed and which are moved: a file of handles (`plumbline schema handles` describes it)
+    /// Fixed and moved vertices: a file of handles (`plumbline schema handles` describes it)
     #[schemars(extend("format" = "path"))]
     pub handles: String,
     /// How the rest of the surface follows

@@ -18,6 +18,7 @@ use crate::pipeline::sizes::PixelSize;
 use crate::pipeline::surfaces::BackgroundColor;
 use plumbline_image::canvas::Rgb;
 use plumbline_image::still::{ExifTags, Photo, frame_of_rgb};
+use plumbline_num::document::read_bounded;
 use plumbline_shape::character::io::read_rig;
 use plumbline_shape::character::skeleton_file::SkeletonFile;
 use plumbline_shape::draw::{
@@ -35,7 +36,7 @@ pub struct MeshRenderSettings {
     pub size: PixelSize,
     /// From where: corner, front, back, left, right, top, bottom, or YAW,PITCH in degrees
     pub view: ViewDirection,
-    /// Which axis points up
+    /// Axis that points up
     pub up: UpAxis,
     /// Triangles flat; else normals are smooth up to creases
     pub flat: bool,
@@ -274,9 +275,12 @@ fn stretch(mesh: &TriMesh, rest: &[Point3<f64>]) -> Vec<f64> {
     mesh.triangles().iter().map(|&[a, b, c]| change(a, b).max(change(b, c)).max(change(c, a))).collect()
 }
 
+/// Size of the largest NumPy file, bytes: doubles for 2²⁷ vertices, more than a mesh file may have.
+const MAX_BYTES: u64 = 1 << 30;
+
 fn of_file(path: &Path, mesh: &TriMesh) -> Result<Vec<f64>, RunError> {
     let bad = |what: String| RunError::Input(format!("{}: {what}", path.display()));
-    let bytes = std::fs::read(path).map_err(|e| {
+    let bytes = read_bounded(path, MAX_BYTES).map_err(|e| {
         let names = MeshRenderSettings::ATTRIBUTES.join(", ");
         bad(format!("{e} (expected a NumPy file, or one of {names})"))
     })?;

@@ -35,11 +35,11 @@ pub struct PhotoRectifySettings {
     pub fov: Option<f64>,
     /// The direction along which the field of view is measured
     pub fov_axis: FieldAxis,
-    /// Where the viewer looks, degrees from where the camera looked: yaw, pitch, roll
+    /// View direction relative to the camera's, degrees: yaw, pitch, roll
     pub view: ViewAngles,
-    /// How much the view shows, degrees, such as 100,75; all that the picture has if left out, and of panoramas 100,75
+    /// Field of view of the result, degrees, such as 100,75; that of the picture if left out, and 100,75 for panoramas
     pub view_field: Option<ViewField>,
-    /// What is cut away: auto makes the border straight where it can and takes the largest full rectangle otherwise, W:H is the largest of this shape of it, rectangle leaves the border as it falls, none keeps it curved
+    /// Crop: auto straightens the border where possible and takes the largest full rectangle otherwise, W:H takes the largest of this aspect ratio, rectangle the largest full rectangle, none keeps the curved border
     pub crop: Crop,
     /// Size of the result: 1600x1200, 800x, x600 or 60%; if left out, pictures stay as wide as they are, and clips keep their size
     pub size: Option<PictureSize>,

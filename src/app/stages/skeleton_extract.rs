@@ -14,6 +14,7 @@ use crate::pipeline::kind::{Stage, TemporalScope};
 use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
+use plumbline_num::document::read_text;
 use plumbline_num::run::Run;
 use plumbline_shape::character::extraction::{
     ContractionStep, ExtractionError, ExtractionOptions, ExtractionReport, Keep, extract, skeleton_of,
@@ -202,13 +203,16 @@ fn refused(error: &ExtractionError) -> RunError {
 }
 
 /// Which ends stay.
+/// Size of the largest list of vertices to keep, bytes: a hundred thousand numbers of ten digits, far more than a body has tips.
+const MAX_BYTES: u64 = 1 << 20;
+
 fn keep(settings: &SkeletonExtractSettings) -> Result<Keep, RunError> {
     let Some(name) = settings.keep_file() else {
         return Ok(if settings.keep.is_some() { Keep::Extrema } else { Keep::Nothing });
     };
     let bad = |what: String| RunError::Input(format!("{name}: {what}"));
-    let text =
-        std::fs::read_to_string(name).map_err(|e| bad(format!("{e} (expected `auto`, or a file of vertices)")))?;
+    let text = read_text(Path::new(name), MAX_BYTES)
+        .map_err(|e| bad(format!("{e} (expected `auto`, or a file of vertices)")))?;
     let words = text.split(|c: char| c.is_whitespace() || matches!(c, ',' | '[' | ']')).filter(|w| !w.is_empty());
     let number = |w: &str| w.parse::<u32>().map_err(|_| bad(format!("`{w}` is no number of a vertex (whole, from 0)")));
     words.map(number).collect::<Result<_, _>>().map(Keep::Vertices)

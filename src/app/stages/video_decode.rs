@@ -25,7 +25,7 @@ pub struct DecodeSettings {
     pub end: Option<ClipTime>,
     /// Frames per second of an image sequence, such as 24 or 30000/1001; 25 if left out
     pub fps: Option<FrameRate>,
-    /// What happens to interlaced pictures
+    /// Deinterlacing
     pub deinterlace: Deinterlace,
 }
 

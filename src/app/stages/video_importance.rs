@@ -36,7 +36,7 @@ pub enum ClipFaces {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct VideoImportanceSettings {
-    /// Whether faces are looked for, which matter most
+    /// Face detection; faces are the most important content
     pub faces: ClipFaces,
     /// A picture of the clip's size, painted by hand: white matters, black does not, mid-gray leaves what was found
     #[schemars(extend("format" = "path"))]

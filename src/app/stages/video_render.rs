@@ -22,7 +22,7 @@ pub enum Interpolation {
     Lanczos3,
 }
 
-/// What fills pixels that the source does not cover.
+/// Fill of pixels that the source does not cover.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Border {
@@ -45,9 +45,9 @@ pub enum Border {
 pub struct RenderSettings {
     /// How pixels are interpolated
     pub interpolation: Interpolation,
-    /// What fills pixels that the source does not cover
+    /// Fill of pixels that the source does not cover
     pub border: Border,
-    /// Most memory for the neighboring frames of the border fill
+    /// Memory limit of the neighboring frames of the border fill
     pub fill_memory: ByteSize,
 }
 

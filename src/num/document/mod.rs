@@ -172,6 +172,27 @@ impl Kind {
     }
 }
 
+/// The bytes of a file of at most `max_bytes`; also of one that grows, and of a device without end.
+///
+/// # Errors
+/// The file cannot be read, or is larger.
+pub fn read_bounded(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(io::Error::other(format!("larger than {max_bytes} bytes")));
+    }
+    Ok(bytes)
+}
+
+/// The text of a file of at most `max_bytes` in UTF-8.
+///
+/// # Errors
+/// As for [`read_bounded`]; the file is no text.
+pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
+    String::from_utf8(read_bounded(path, max_bytes)?).map_err(|_| io::Error::other("not text in UTF-8"))
+}
+
 /// By how many px positions are moved so that pixel centers are at integer + 0.5, as everywhere inside: from the
 /// `pixel_center` of a file, 0.5 or 0. `None` for any other.
 pub fn pixel_center_shift(pixel_center: f64) -> Option<f64> {
@@ -181,6 +202,16 @@ pub fn pixel_center_shift(pixel_center: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_are_read_up_to_their_limit_and_devices_without_end_are_refused() {
+        let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");
+        let bytes = std::fs::read(&manifest).expect("the manifest");
+        assert_eq!(read_bounded(&manifest, bytes.len() as u64).expect("as large as allowed"), bytes);
+        let message = read_text(&manifest, bytes.len() as u64 - 1).expect_err("a byte too large").to_string();
+        assert!(message.contains("larger than"), "{message}");
+        assert!(read_bounded(Path::new("/dev/zero"), 1000).is_err());
+    }
 
     const KIND: Kind = Kind { name: "a file of numbers", format: "plumbline.numbers", max_bytes: 100 };
 

@@ -12,6 +12,7 @@ use super::run_error::RunError;
 use crate::report::{ReportFormat, document};
 use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline_media::AtomicFile;
+use plumbline_num::document::read_text;
 use plumbline_num::run::Run;
 pub use plumbline_num::sparse::Method;
 use plumbline_num::sparse::{
@@ -119,11 +120,7 @@ fn said(path: &Path, error: &SparseError) -> RunError {
 
 fn read(path: &Path) -> Result<GeneralMatrix, RunError> {
     let cannot = |why: &dyn std::fmt::Display| RunError::Input(format!("{}: cannot be read: {why}", path.display()));
-    let size = std::fs::metadata(path).map_err(|e| cannot(&e))?.len();
-    if size > MAX_FILE {
-        return Err(cannot(&format!("the file has {size} bytes (at most {MAX_FILE})")));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| cannot(&e))?;
+    let text = read_text(path, MAX_FILE).map_err(|e| cannot(&e))?;
     read_matrix_market(&text).map_err(|e| said(path, &e))
 }
 
