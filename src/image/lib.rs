@@ -2,7 +2,9 @@
 
 pub mod canvas;
 mod color;
+#[cfg(feature = "files")]
 mod exr;
+#[cfg(feature = "detection")]
 pub mod feature;
 mod format;
 mod frame;
@@ -13,9 +15,11 @@ mod pyramid;
 pub mod render;
 mod rgb;
 pub mod simd;
+#[cfg(feature = "files")]
 pub mod still;
 pub mod warp;
 
+#[cfg(feature = "files")]
 pub use self::exr::write_exr;
 pub use color::ColorDescription;
 pub use format::{Layout, PixelFormat};

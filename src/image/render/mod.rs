@@ -6,10 +6,11 @@
 //! result does not depend on the number of threads, nor on whether SIMD kernels are available.
 //!
 //! Kernels are interpolating, not smoothing: where the field minifies by more than about 2:1 the result aliases. Video
-//! stabilisation magnifies by 1 to 1.5. For pictures that shrink there is [`Renderer::render_averaged`].
+//! stabilization magnifies by 1 to 1.5. For pictures that shrink there is [`Renderer::render_averaged`].
 
 #![allow(clippy::cast_possible_wrap)] // sizes are at most 16384, checked before any pixel is touched
 
+#[cfg(feature = "files")]
 mod alpha;
 mod averaged;
 #[cfg(target_arch = "x86_64")]
@@ -22,6 +23,7 @@ mod kernel;
 mod plane;
 mod scan;
 mod source;
+#[cfg(feature = "files")]
 mod still;
 
 pub use border::Border;

@@ -12,5 +12,6 @@
 pub mod lanczos;
 pub mod levenberg_marquardt;
 pub mod newton;
+#[cfg(feature = "quadratic-programs")]
 pub mod qp;
 pub mod ransac;
