@@ -21,7 +21,7 @@ test: deps lint unit oracle ## formatting, lints, all tests, documentation, orac
 PURE := num image camera photo video shape testkit
 
 test-long: test ## what takes longer: random cases by the thousand, each library and the façade alone
-	PROPTEST_CASES=4096 cargo test --workspace --locked
+	PROPTEST_CASES=1024 cargo test --workspace --locked
 	for crate in $(PURE); do cargo check --locked --all-targets --package plumbline-$$crate || exit 1; done
 	cargo check --locked --package plumbline --no-default-features
 	cargo check --locked --package plumbline --no-default-features --features media
