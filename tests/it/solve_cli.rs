@@ -77,6 +77,7 @@ fn low_rank_changes_solve_the_changed_system() {
     write(folder.path(), "all.mtx", &format!("{header}\n1 144 1\n1 17 9.0\n"));
     let output = plumbline_in(folder.path(), &["solve", "a.mtx", "--downdate", "all.mtx"]);
     assert_eq!(output.status.code(), Some(65), "{}", err(&output));
+    assert!(err(&output).contains("a.mtx: subtracting row 0 "), "{}", err(&output));
 }
 
 #[test]

@@ -1,5 +1,5 @@
 //! Geometry that every layer shares: points, similarities and homographies of the plane, rotations and rigid motions of space;
-//! and of numbers the median and the minimum of a function.
+//! of numbers the median and the minimum of a function; lists of lists.
 //!
 //! Transforms are named `dst_from_src` and map points of `src` to points of `dst`. Image points are in pixels,
 //! y down, with pixel centers at integer + 0.5, so that an image of `W×H` pixels is the rectangle `[0,W]×[0,H]`.
@@ -7,6 +7,7 @@
 mod dual_quaternion;
 mod golden_section;
 mod homography;
+mod lists;
 mod median;
 pub mod polynomial;
 mod rect;
@@ -18,6 +19,7 @@ mod trs;
 pub use dual_quaternion::DualQuaternion;
 pub use golden_section::golden_section;
 pub use homography::Homography;
+pub use lists::Lists;
 pub use median::median;
 pub use rect::Rect;
 pub use rotation::{nearest_rotation, polar, without_reflection};

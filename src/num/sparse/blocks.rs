@@ -14,6 +14,7 @@
 use super::etree::{Elimination, NONE};
 use super::permuted::Permuted;
 use super::{Pattern, Permutation};
+use crate::math::Lists;
 
 /// Fraction of zeros up to which a merged block is kept, by its maximum number of columns: zeros cost multiplications, narrow blocks the
 /// speed of the dense kernels, hence more of them are accepted in narrow blocks (the scheme of CHOLMOD).
@@ -151,27 +152,18 @@ impl Groups {
         this
     }
 
-    /// Children of each group, as `(starts, children)`.
-    fn children(&self) -> (Vec<usize>, Vec<u32>) {
-        let mut starts = vec![0; self.list.len() + 1];
-        let child = |g: usize| self.list[g].parent != NONE && self.list[g].into as usize == g;
-        let children = || (0..self.list.len()).filter(|&g| child(g));
-        children().for_each(|g| starts[self.list[g].parent as usize + 1] += 1);
-        (0..self.list.len()).for_each(|g| starts[g + 1] += starts[g]);
-        let (mut next, mut list) = (starts.clone(), vec![NONE; starts[self.list.len()]]);
-        for g in children() {
-            let at = &mut next[self.list[g].parent as usize];
-            list[*at] = g as u32;
-            *at += 1;
-        }
-        (starts, list)
+    /// Children of each group.
+    fn children(&self) -> Lists<u32> {
+        let child = |&(g, group): &(u32, &Group)| group.parent != NONE && group.into == g;
+        let children = (0..).zip(&self.list).filter(child);
+        Lists::new(self.list.len(), children.map(|(g, group)| (group.parent, g)))
     }
 
     /// Merges children into parents where that is inexpensive, those with the most rows first.
     fn merge(&mut self) {
-        let (starts, mut children) = self.children();
+        let mut all = self.children();
         for p in 0..self.list.len() {
-            let children = &mut children[starts[p]..starts[p + 1]];
+            let children = all.of_mut(p);
             children.sort_by_key(|&c| std::cmp::Reverse((self.list[c as usize].below, c)));
             for &c in &*children {
                 let (child, parent) = (&self.list[c as usize], &self.list[p]);
@@ -199,12 +191,12 @@ impl Groups {
     /// Children before parents, and among the children of one parent in the order that keeps least waiting: by how much the
     /// highest stack within a child's subtree exceeds what it leaves behind.
     fn put_in_order(&mut self) {
-        let (starts, mut children) = self.children();
+        let mut all = self.children();
         let mut peak = vec![0_u64; self.list.len()];
         let left = |g: u32| u64::from(self.list[g as usize].below).pow(2);
         // A group that took in another has children of both, all of them before itself.
         for g in 0..self.list.len() {
-            let children = &mut children[starts[g]..starts[g + 1]];
+            let children = all.of_mut(g);
             children.sort_by_key(|&c| std::cmp::Reverse((peak[c as usize] - left(c), c)));
             let mut waiting = 0;
             for &c in &*children {
@@ -213,12 +205,12 @@ impl Groups {
             }
             peak[g] = peak[g].max(waiting + left(g as u32));
         }
-        let mut next = starts.clone();
+        let mut next = vec![0; self.list.len()];
         for root in (0..self.list.len()).filter(|&g| self.list[g].into as usize == g && self.list[g].parent == NONE) {
             let mut path = vec![root];
             while let Some(&g) = path.last() {
-                if next[g] < starts[g + 1] {
-                    path.push(children[next[g]] as usize);
+                if let Some(&child) = all.of(g).get(next[g]) {
+                    path.push(child as usize);
                     next[g] += 1;
                 } else {
                     self.order.push(g as u32);

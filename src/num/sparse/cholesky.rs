@@ -168,7 +168,7 @@ impl<T: Scalar> Cholesky<T> {
 
     /// Diagonal entry of the permuted matrix.
     fn diagonal(&self, k: usize) -> f64 {
-        self.permuted[self.analysis.permuted.starts[k] as usize].re()
+        self.permuted[self.analysis.permuted.starts[k]].re()
     }
 
     /// First column, in elimination order, whose pivot is rounding only.
@@ -186,7 +186,7 @@ impl<T: Scalar> Cholesky<T> {
         let largest = (0..self.n()).map(|k| self.diagonal(k)).fold(0.0, f64::max);
         for k in 0..self.n() {
             let shifted = self.diagonal(k) * (1.0 + 1e-10) + largest * f64::MIN_POSITIVE;
-            self.permuted[self.analysis.permuted.starts[k] as usize] = T::real(shifted);
+            self.permuted[self.analysis.permuted.starts[k]] = T::real(shifted);
         }
         let negative_diagonal = (0..self.n()).any(|k| self.diagonal(k) < 0.0);
         let vanishing_row = (0..self.n()).any(|k| self.diagonal(k) <= largest * f64::MIN_POSITIVE);

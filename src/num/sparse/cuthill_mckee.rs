@@ -9,14 +9,14 @@
 //! Solution of Large Sparse Positive Definite Systems*, 1981, chapter 4 (the search for an initial vertex at the rim).
 
 use super::{FactorStructure, Pattern, Permutation};
+use crate::math::Lists;
 
 /// The reverse Cuthill–McKee order: started from either end of each component, whichever fills less.
 ///
 /// On a surface with limbs the two differ by a fifth, and the envelope, which is cheaper to count, may prefer the worse.
 pub(super) fn reverse_cuthill_mckee(pattern: &Pattern) -> Permutation {
     let n = pattern.n();
-    let (start, neighbors) = pattern.adjacency();
-    let mut search = Search { start, neighbors, depth: vec![UNSEEN; n] };
+    let mut search = Search { neighbors: pattern.adjacency(), depth: vec![UNSEEN; n] };
     let mut by_degree: Vec<u32> = (0..n as u32).collect();
     by_degree.sort_by_key(|&v| search.degree(v));
     let (mut from_one, mut from_other) = (Vec::with_capacity(n), Vec::with_capacity(n));
@@ -41,15 +41,14 @@ pub(super) fn reverse_cuthill_mckee(pattern: &Pattern) -> Permutation {
 const UNSEEN: u32 = u32::MAX;
 
 struct Search {
-    start: Vec<u32>,
-    neighbors: Vec<u32>,
+    neighbors: Lists<u32>,
     /// Distance from the root of the last search, [`UNSEEN`] in components not yet reached.
     depth: Vec<u32>,
 }
 
 impl Search {
-    fn degree(&self, v: u32) -> u32 {
-        self.start[v as usize + 1] - self.start[v as usize]
+    fn degree(&self, v: u32) -> usize {
+        self.neighbors.of(v as usize).len()
     }
 
     /// The component of `root` in breadth-first order, siblings by ascending degree.
@@ -58,14 +57,13 @@ impl Search {
         let (mut found, mut next) = (vec![root], 0);
         while next < found.len() {
             let (v, first) = (found[next], found.len());
-            for k in self.start[v as usize]..self.start[v as usize + 1] {
-                let w = self.neighbors[k as usize];
+            for &w in self.neighbors.of(v as usize) {
                 if self.depth[w as usize] == UNSEEN {
                     self.depth[w as usize] = self.depth[v as usize] + 1;
                     found.push(w);
                 }
             }
-            found[first..].sort_by_key(|&w| self.start[w as usize + 1] - self.start[w as usize]);
+            found[first..].sort_by_key(|&w| self.degree(w));
             next += 1;
         }
         found

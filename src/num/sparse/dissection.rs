@@ -9,6 +9,7 @@
 //! algorithm*, SIAM J. Matrix Anal. Appl. 16 (1995).
 
 use super::{Pattern, Permutation};
+use crate::math::Lists;
 
 /// Sets of at most so many unknowns are no longer cut. On the 65×37 image grid 12 to 16 were fastest to factor and solve
 /// (1.74 ms a frame; 2.04 ms at 1 to 4, where supernodes are too thin, 1.98 ms at 32, where fill grows by a tenth).
@@ -18,9 +19,9 @@ const LEAF: usize = 16;
 ///
 /// Positions only guide the cuts: any positions give a valid order.
 pub(super) fn nested_dissection(pattern: &Pattern, positions: &[[f64; 3]]) -> Permutation {
-    let (start, neighbors) = pattern.adjacency();
     let mut unknowns: Vec<u32> = (0..pattern.n() as u32).collect();
-    let mut dissection = Dissection { start, neighbors, positions, side: vec![Side::Other; pattern.n()] };
+    let (neighbors, side) = (pattern.adjacency(), vec![Side::Other; pattern.n()]);
+    let mut dissection = Dissection { neighbors, positions, side };
     dissection.order(&mut unknowns);
     Permutation::from_old_from_new(unknowns)
 }
@@ -33,8 +34,7 @@ enum Side {
 }
 
 struct Dissection<'a> {
-    start: Vec<u32>,
-    neighbors: Vec<u32>,
+    neighbors: Lists<u32>,
     positions: &'a [[f64; 3]],
     side: Vec<Side>,
 }
@@ -103,8 +103,7 @@ impl Dissection<'_> {
     }
 
     fn touches(&self, v: u32, side: Side) -> bool {
-        let range = self.start[v as usize] as usize..self.start[v as usize + 1] as usize;
-        self.neighbors[range].iter().any(|&w| self.side[w as usize] == side)
+        self.neighbors.of(v as usize).iter().any(|&w| self.side[w as usize] == side)
     }
 
     fn border(&self, set: &[u32], side: Side) -> usize {

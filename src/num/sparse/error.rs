@@ -32,6 +32,17 @@ pub enum SparseError {
         /// The part of the system that contains the negative pivot.
         component: Component,
     },
+    /// Numerics: a row taken away weighs as much as the matrix has in that direction, or more.
+    #[error(
+        "subtracting row {row} (of the rows subtracted, numbered from 0) leaves the matrix not positive definite in the \
+         {component}; give the row smaller values or leave it out"
+    )]
+    Subtracted {
+        /// Its number among the rows taken away, from 0.
+        row: usize,
+        /// The part of the system that has no minimum.
+        component: Component,
+    },
     /// Numerics: a matrix that is not positive definite, or not finite.
     #[error("elimination met no positive pivot at unknown {unknown}; damp the system or fix the unknown")]
     Pivot {
@@ -138,6 +149,16 @@ pub enum SparseError {
 }
 
 impl SparseError {
+    /// The same fault of a system from which row `row` was taken away.
+    pub(crate) fn subtracting(self, row: usize) -> Self {
+        match self {
+            Self::Singular { component } | Self::NotPositiveDefinite { component } => {
+                Self::Subtracted { row, component }
+            }
+            other => other,
+        }
+    }
+
     /// The same fault, its unknowns named by `old[k]` instead of `k`.
     pub(crate) fn renumbered(mut self, old: &[u32]) -> Self {
         if let Self::Singular { component } | Self::NotPositiveDefinite { component } = &mut self {

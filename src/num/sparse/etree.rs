@@ -15,12 +15,12 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// Parent of each column of the factor of `P A Pᵀ`, [`NONE`] at roots.
 fn elimination_tree(pattern: &Pattern, order: &Permutation) -> Vec<u32> {
-    let (start, neighbors) = pattern.adjacency();
+    let neighbors = pattern.adjacency();
     let n = pattern.n();
     let (mut parent, mut ancestor) = (vec![NONE; n], vec![NONE; n]);
     for row in 0..n {
         let old = order.old_from_new()[row] as usize;
-        for &neighbor in &neighbors[start[old] as usize..start[old + 1] as usize] {
+        for &neighbor in neighbors.of(old) {
             // Climb from each column left of `row` to its root, compressing the path.
             let mut j = order.new_from_old()[neighbor as usize];
             while j != NONE && (j as usize) < row {

@@ -1,6 +1,7 @@
 //! Sparse matrices of any shape, and how they are put together entry by entry.
 
 use super::{Pattern, SparseError, SparseMatrix};
+use crate::math::Lists;
 
 /// Collects the entries of an `m×n` matrix in any order.
 ///
@@ -105,13 +106,13 @@ impl GeneralMatrix {
     }
 
     /// Rows and values of column `j`.
-    pub fn column(&self, j: usize) -> impl ExactSizeIterator<Item = (usize, f64)> + '_ {
+    pub fn column(&self, j: usize) -> impl ExactSizeIterator<Item = (usize, f64)> + Clone + '_ {
         let range = self.starts[j] as usize..self.starts[j + 1] as usize;
         self.row_idx[range.clone()].iter().zip(&self.values[range]).map(|(&i, &v)| (i as usize, v))
     }
 
     /// All entries as `(row, column, value)`, column by column.
-    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f64)> + Clone + '_ {
         (0..self.columns()).flat_map(move |j| self.column(j).map(move |(i, v)| (i, j, v)))
     }
 
@@ -123,18 +124,9 @@ impl GeneralMatrix {
     /// `Aᵀ`; its columns are the rows of `A`.
     #[must_use]
     pub fn transposed(&self) -> Self {
-        let mut starts = vec![0_u32; self.rows + 1];
-        self.row_idx.iter().for_each(|&i| starts[i as usize + 1] += 1);
-        for i in 0..self.rows {
-            starts[i + 1] += starts[i];
-        }
-        let mut next = starts.clone();
-        let (mut row_idx, mut values) = (vec![0; self.nnz()], vec![0.0; self.nnz()]);
-        for (i, j, v) in self.entries() {
-            let at = next[i] as usize;
-            next[i] += 1;
-            (row_idx[at], values[at]) = (j as u32, v);
-        }
+        let columns = Lists::new(self.rows, self.entries().map(|(i, j, v)| (i as u32, (j as u32, v))));
+        let starts = columns.starts().iter().map(|&start| start as u32).collect();
+        let (row_idx, values) = columns.items().iter().copied().unzip();
         Self { rows: self.columns(), starts, row_idx, values }
     }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::{Component, Pattern, Scalar, SparseError};
+use crate::math::Lists;
 
 /// A symmetric (for complex entries: Hermitian) matrix, lower triangle over a shared [`Pattern`].
 #[derive(Clone, Debug)]
@@ -86,22 +87,13 @@ impl<T: Scalar> SparseMatrix<T> {
 
     /// All unknowns that non-zero entries join to `unknown`.
     pub fn component_of(&self, unknown: usize) -> Component {
-        let mut neighbors = vec![Vec::new(); self.n()];
-        for (i, j, s) in self.pattern.entries() {
-            if i != j && self.values[s] != T::default() {
-                neighbors[i].push(j);
-                neighbors[j].push(i);
-            }
-        }
-        let mut seen = vec![false; self.n()];
-        let mut stack = vec![unknown];
-        seen[unknown] = true;
+        let nonzero = self.pattern.entries().filter(|&(_, _, s)| self.values[s] != T::default());
+        let pairs = nonzero.flat_map(|(i, j, _)| [(i as u32, j as u32), (j as u32, i as u32)]);
+        let neighbors = Lists::new(self.n(), pairs);
+        let (mut seen, mut stack) = (vec![false; self.n()], vec![unknown]);
         while let Some(v) = stack.pop() {
-            for &w in &neighbors[v] {
-                if !seen[w] {
-                    seen[w] = true;
-                    stack.push(w);
-                }
+            if !std::mem::replace(&mut seen[v], true) {
+                stack.extend(neighbors.of(v).iter().map(|&w| w as usize));
             }
         }
         Component { unknowns: (0..self.n()).filter(|&v| seen[v]).collect() }

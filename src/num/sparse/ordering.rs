@@ -144,12 +144,13 @@ pub(super) fn column_degree(a: &GeneralMatrix) -> Result<Permutation, SparseErro
 /// Multilevel nested dissection as METIS does it (Karypis, Kumar 1998), by the crate `feral-metis`.
 fn graph_dissection(pattern: &Pattern) -> Result<Permutation, SparseError> {
     let n = pattern.n();
-    let (start, neighbors) = pattern.adjacency();
-    if neighbors.len() > i32::MAX as usize {
-        return Err(SparseError::TooLarge { size: neighbors.len() });
+    let adjacency = pattern.adjacency();
+    let size = adjacency.items().len();
+    if size > i32::MAX as usize {
+        return Err(SparseError::TooLarge { size });
     }
-    let signed = |v: Vec<u32>| v.into_iter().map(|x| x as i32).collect::<Vec<_>>();
-    let (start, neighbors) = (signed(start), signed(neighbors));
+    let start: Vec<i32> = adjacency.starts().iter().map(|&start| start as i32).collect();
+    let neighbors: Vec<i32> = adjacency.items().iter().map(|&neighbor| neighbor as i32).collect();
     let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
     let graph = feral_metis::CscPattern::new(n, &start, &neighbors).ok_or_else(out_of_memory)?;
     let order = feral_metis::metis_order(&graph).map_err(|_| out_of_memory())?;

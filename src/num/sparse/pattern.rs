@@ -1,6 +1,7 @@
 //! The entries of a symmetric matrix that may be non-zero.
 
 use super::SparseError;
+use crate::math::Lists;
 
 /// Lower triangle of a symmetric `n×n` pattern, compressed by columns: rows ascending, every diagonal entry present.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,29 +20,22 @@ impl Pattern {
             return Err(SparseError::TooLarge { size: n });
         }
         // By counting: columns are short, so that sorting all entries at once would cost several times as much.
-        let (mut lower, mut starts) = (Vec::new(), vec![0_usize; n + 1]);
+        let mut lower = Vec::new();
         for (i, j) in entries {
             if i.max(j) >= n {
                 return Err(SparseError::OutOfRange { index: i.max(j), unknowns: n });
             }
             if i != j {
                 lower.push((i.min(j) as u32, i.max(j) as u32));
-                starts[i.min(j) + 1] += 1;
             }
         }
-        for j in 0..n {
-            starts[j + 1] += starts[j];
-        }
-        let (mut next, mut sorted) = (starts.clone(), vec![0_u32; lower.len()]);
-        for (column, row) in lower {
-            sorted[next[column as usize]] = row;
-            next[column as usize] += 1;
-        }
-        let (mut col_ptr, mut row_idx) = (Vec::with_capacity(n + 1), Vec::with_capacity(n + sorted.len()));
+        let mut columns = Lists::new(n, lower.iter().copied());
+        drop(lower);
+        let (mut col_ptr, mut row_idx) = (Vec::with_capacity(n + 1), Vec::with_capacity(n + columns.items().len()));
         col_ptr.push(0);
         for j in 0..n {
             row_idx.push(j as u32);
-            let column = &mut sorted[starts[j]..starts[j + 1]];
+            let column = columns.of_mut(j);
             column.sort_unstable();
             row_idx.extend(column.chunk_by(|a, b| a == b).map(|same| same[0]));
             col_ptr.push(row_idx.len() as u32);
@@ -87,28 +81,14 @@ impl Pattern {
     }
 
     /// Iterates over `(row, column, slot)`, columns ascending, rows ascending within each.
-    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + Clone + '_ {
         (0..self.n()).flat_map(move |j| self.column(j).map(move |s| (self.row_idx[s] as usize, j, s)))
     }
 
-    /// Neighbors of each unknown in both triangles, without itself: `(starts, neighbors)`.
-    pub(super) fn adjacency(&self) -> (Vec<u32>, Vec<u32>) {
-        let mut start = vec![0_u32; self.n() + 1];
-        for (i, j, _) in self.entries().filter(|&(i, j, _)| i != j) {
-            start[i + 1] += 1;
-            start[j + 1] += 1;
-        }
-        for v in 0..self.n() {
-            start[v + 1] += start[v];
-        }
-        let mut next = start.clone();
-        let mut neighbors = vec![0; start[self.n()] as usize];
-        for (i, j, _) in self.entries().filter(|&(i, j, _)| i != j) {
-            for (from, to) in [(i, j), (j, i)] {
-                neighbors[next[from] as usize] = to as u32;
-                next[from] += 1;
-            }
-        }
-        (start, neighbors)
+    /// Neighbors of each unknown in both triangles, without itself.
+    pub(super) fn adjacency(&self) -> Lists<u32> {
+        let off_diagonal = self.entries().filter(|(i, j, _)| i != j);
+        let pairs = off_diagonal.flat_map(|(i, j, _)| [(i as u32, j as u32), (j as u32, i as u32)]);
+        Lists::new(self.n(), pairs)
     }
 }

@@ -5,13 +5,13 @@
 
 use super::etree::{Elimination, NONE};
 use super::{Ordering, Pattern, Permutation, SparseError};
+use crate::math::Lists;
 
 /// The structure of a factor: its order, its size, its entries.
 #[derive(Debug)]
 pub struct FactorStructure<'a> {
     pattern: &'a Pattern,
-    start: Vec<u32>,
-    neighbors: Vec<u32>,
+    neighbors: Lists<u32>,
     elimination: Elimination,
     counts: Vec<u32>,
 }
@@ -27,8 +27,7 @@ impl<'a> FactorStructure<'a> {
 
     pub(super) fn of_order(pattern: &'a Pattern, order: &Permutation) -> Self {
         let elimination = Elimination::postordered(pattern, order);
-        let (start, neighbors) = pattern.adjacency();
-        let mut this = Self { pattern, start, neighbors, elimination, counts: Vec::new() };
+        let mut this = Self { pattern, neighbors: pattern.adjacency(), elimination, counts: Vec::new() };
         this.counts = this.elimination.column_counts(|j| this.row_of_matrix(j));
         this
     }
@@ -58,8 +57,7 @@ impl<'a> FactorStructure<'a> {
     fn row_of_matrix(&self, i: usize) -> impl Iterator<Item = u32> + '_ {
         let order = &self.elimination.order;
         let old = order.old_from_new()[i] as usize;
-        let range = self.start[old] as usize..self.start[old + 1] as usize;
-        self.neighbors[range].iter().map(|&w| order.new_from_old()[w as usize])
+        self.neighbors.of(old).iter().map(|&w| order.new_from_old()[w as usize])
     }
 
     /// Calls `visit(row, column, whether A has an entry there)` for each entry of `L`, row by row.

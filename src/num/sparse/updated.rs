@@ -67,6 +67,8 @@ pub struct Updated {
     inner: Option<nalgebra::LU<f64, nalgebra::Dyn, nalgebra::Dyn>>,
     spent: f64,
     refactorizations: usize,
+    /// Rows taken away so far, to name the one that leaves no minimum.
+    subtracted: usize,
 }
 
 impl Updated {
@@ -77,7 +79,16 @@ impl Updated {
     pub fn new(a: SparseMatrix, ordering: Ordering, run: &Run) -> Result<Self, SparseError> {
         let mut cholesky = Cholesky::analyze(a.pattern(), &ordering)?;
         cholesky.factor(&a, run)?;
-        Ok(Self { ordering, base: a, cholesky, pending: Vec::new(), inner: None, spent: 0.0, refactorizations: 0 })
+        Ok(Self {
+            ordering,
+            base: a,
+            cholesky,
+            pending: Vec::new(),
+            inner: None,
+            spent: 0.0,
+            refactorizations: 0,
+            subtracted: 0,
+        })
     }
 
     /// Number of unknowns.
@@ -98,8 +109,8 @@ impl Updated {
     /// Adds `weight · (Σ a x)²` to the energy, that is `weight · a aᵀ` to the matrix; a negative weight takes a term away.
     ///
     /// # Errors
-    /// [`SparseError::OutOfRange`], [`SparseError::Weight`] for bad input; [`SparseError::Singular`],
-    /// [`SparseError::NotPositiveDefinite`] where what remains has no minimum. After an error nothing has changed.
+    /// [`SparseError::OutOfRange`], [`SparseError::Weight`] for bad input; [`SparseError::Subtracted`] where what remains has no
+    /// minimum. After an error nothing has changed.
     pub fn add(&mut self, terms: &[(usize, f64)], weight: f64, run: &Run) -> Result<(), SparseError> {
         let n = self.n();
         if let Some(&(index, _)) = terms.iter().find(|&&(i, _)| i >= n) {
@@ -108,9 +119,16 @@ impl Updated {
         if !(weight.is_finite() && terms.iter().all(|(_, a)| a.is_finite())) {
             return Err(SparseError::Weight { row: self.pending.len(), weight });
         }
-        if weight == 0.0 || terms.is_empty() {
-            return Ok(());
+        if weight != 0.0 && !terms.is_empty() {
+            self.apply(terms, weight, run)
+                .map_err(|e| if weight < 0.0 { e.subtracting(self.subtracted) } else { e })?;
         }
+        self.subtracted += usize::from(weight < 0.0);
+        Ok(())
+    }
+
+    fn apply(&mut self, terms: &[(usize, f64)], weight: f64, run: &Run) -> Result<(), SparseError> {
+        let n = self.n();
         let mut change = Change { terms: terms.to_vec(), weight, solved: vec![0.0; n] };
         let update = 4.0 * self.cholesky.nnz() as f64 + 2.0 * (n * self.pending.len()) as f64;
         let lasting = n * (self.pending.len() + 1) > self.cholesky.nnz();
@@ -259,11 +277,14 @@ mod tests {
     fn taking_away_what_holds_a_system_is_refused_and_changes_nothing() {
         let mut updated = Updated::new(fixed_grid(12), Ordering::Amd, &Run::default()).expect("constrained");
         let error = updated.add(&[(0, 1.0)], -1.0, &Run::default()).expect_err("floats");
-        assert!(matches!(&error, SparseError::Singular { component } if component.unknowns.len() == 144), "{error}");
-        assert!(matches!(
-            updated.add(&[(0, 1.0)], -2.0, &Run::default()),
-            Err(SparseError::NotPositiveDefinite { .. })
-        ));
+        assert!(
+            matches!(&error, SparseError::Subtracted { row: 0, component } if component.unknowns.len() == 144),
+            "{error}"
+        );
+        updated.add(&[(3, 1.0)], 2.0, &Run::default()).expect("added");
+        updated.add(&[(3, 1.0)], -2.0, &Run::default()).expect("taken away again");
+        let error = updated.add(&[(0, 1.0)], -2.0, &Run::default()).expect_err("indefinite");
+        assert!(error.to_string().starts_with("subtracting row 1 "), "{error}");
         assert!(matches!(
             updated.add(&[(144, 1.0)], 1.0, &Run::default()),
             Err(SparseError::OutOfRange { index: 144, .. })

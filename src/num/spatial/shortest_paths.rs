@@ -25,6 +25,30 @@ impl ShortestPaths {
         from: impl IntoIterator<Item = u32>,
         edges: impl Fn(u32) -> E,
     ) -> Self {
+        Self::search(nodes, from, None, edges)
+    }
+
+    /// The nodes of a shortest path, both ends included; `None` where none leads. As [`Self::new`], but searched only as far as
+    /// the path is long.
+    pub fn between<E: IntoIterator<Item = (u32, f64)>>(
+        nodes: usize,
+        from: u32,
+        to: u32,
+        edges: impl Fn(u32) -> E,
+    ) -> Option<Vec<u32>> {
+        let paths = Self::search(nodes, [from], Some(to), edges);
+        let mut path = paths.back_from(to);
+        path.reverse();
+        paths.length[to as usize].is_finite().then_some(path)
+    }
+
+    /// The paths that are no longer than that to `end`.
+    fn search<E: IntoIterator<Item = (u32, f64)>>(
+        nodes: usize,
+        from: impl IntoIterator<Item = u32>,
+        end: Option<u32>,
+        edges: impl Fn(u32) -> E,
+    ) -> Self {
         let mut paths = Self { length: vec![f64::INFINITY; nodes], before: vec![NONE; nodes] };
         // Lengths are not negative: their bits are in the order of their values.
         let mut queue = BinaryHeap::new();
@@ -34,6 +58,9 @@ impl ShortestPaths {
         }
         while let Some(Reverse((bits, v))) = queue.pop() {
             let length = f64::from_bits(bits);
+            if end == Some(v) {
+                break;
+            }
             if length > paths.length[v as usize] {
                 continue;
             }

@@ -11,6 +11,7 @@
 //! # Reference
 //! Davis 2006, section 4.7 (up-looking Cholesky).
 
+use crate::math::Lists;
 use crate::run::Run;
 use crate::sparse::blocks::Analysis;
 use crate::sparse::{Ordering, Permutation, SparseError, SparseMatrix};
@@ -34,7 +35,9 @@ impl Simplicial {
         (0..n).for_each(|j| starts[j + 1] = starts[j] + counts[j] as usize);
         let mut end = starts.clone();
         let (mut rows, mut values) = (vec![0_u32; starts[n]], vec![0.0; starts[n]]);
-        let by_row = rows_of(n, &permuted.rows, &permuted.starts);
+        // `(column, slot)` of the entries of each row.
+        let slots = (0..n).flat_map(|j| permuted.range(j).map(move |slot| (j as u32, slot as u32)));
+        let by_row = Lists::new(n, slots.map(|(j, slot)| (permuted.rows[slot as usize], (j, slot))));
         let entry: Vec<f64> = permuted.sources().map(|(slot, _)| a.values()[slot]).collect();
         let (mut x, mut seen, mut reach) = (vec![0.0; n], vec![usize::MAX; n], Vec::new());
         for i in 0..n {
@@ -42,7 +45,7 @@ impl Simplicial {
             seen[i] = i;
             reach.clear();
             let mut pivot = 0.0;
-            for &(column, slot) in &by_row.1[by_row.0[i]..by_row.0[i + 1]] {
+            for &(column, slot) in by_row.of(i) {
                 let mut j = column as usize;
                 if j == i {
                     pivot = entry[slot as usize];
@@ -93,23 +96,4 @@ impl Simplicial {
         }
         x.iter().zip(self.order.old_from_new()).for_each(|(x, &old)| b[old as usize] = *x);
     }
-}
-
-/// The entries of a lower triangle row by row: where each row starts, and `(column, place)`.
-fn rows_of(n: usize, rows: &[u32], starts: &[u32]) -> (Vec<usize>, Vec<(u32, u32)>) {
-    let mut at = vec![0_usize; n + 1];
-    for &i in rows {
-        at[i as usize + 1] += 1;
-    }
-    (0..n).for_each(|i| at[i + 1] += at[i]);
-    let mut next = at.clone();
-    let mut entries = vec![(0, 0); rows.len()];
-    for j in 0..n {
-        for slot in starts[j]..starts[j + 1] {
-            let to = &mut next[rows[slot as usize] as usize];
-            entries[*to] = (j as u32, slot);
-            *to += 1;
-        }
-    }
-    (at, entries)
 }
