@@ -17,6 +17,7 @@
 //! M. Botsch, L. Kobbelt, M. Pauly, P. Alliez, B. Lévy, *Polygon Mesh Processing*, 2010, chapter 2.
 
 use super::{MeshError, TriMesh};
+use plumbline_num::math::Lists;
 
 /// Null index: no twin, or no outgoing half-edge. `u32::MAX` is no valid half-edge, and one word instead of an `Option<u32>`
 /// halves the tables.
@@ -219,42 +220,26 @@ impl HalfEdges {
     }
 }
 
-/// Half-edges sorted by their undirected edge: `(low << 32 | high, half-edge)` with `low < high` the end vertices.
-pub(crate) struct EdgeGroups(Vec<(u64, u32)>);
+/// Half-edges sorted by their undirected edge: `(low << 32 | high, half-edge)` with `low < high` the end vertices, in lists by `low`.
+pub(crate) struct EdgeGroups(Lists<(u64, u32)>);
 
-/// Groups the half-edges of triangles, given by their origins, by undirected edge: a counting sort by the lower end vertex,
-/// then a comparison sort within each vertex. The mesh may be non-manifold.
+/// Groups the half-edges of triangles, given by their origins, by undirected edge: a counting sort by the lower end vertex, then
+/// a comparison sort within each vertex, which is short since few edges have the same one. The mesh may be non-manifold.
 pub(crate) fn edge_groups(origins: &[u32]) -> EdgeGroups {
-    let ends = |h: u32| {
+    let half_edges = (0..origins.len() as u32).map(|h| {
         let (p, q) = (origins[h as usize], origins[HalfEdges::next(h) as usize]);
-        (p.min(q), p.max(q))
-    };
-    // Counting sort by the lower end vertex; few edges have the same one, so the sorts within a vertex are short.
-    // Prefix sums: `next[v]` is the first slot of the edges with lower end `v`.
-    let mut next = vec![0; origins.iter().max().map_or(0, |v| *v as usize + 2)];
-    let half_edges = 0..origins.len() as u32;
-    half_edges.clone().for_each(|h| next[ends(h).0 as usize + 1] += 1);
-    (1..next.len()).for_each(|v| next[v] += next[v - 1]);
-    let mut sorted = vec![(0, 0); origins.len()];
-    for h in half_edges {
-        let (low, high) = ends(h);
-        let place = &mut next[low as usize];
-        sorted[*place] = (u64::from(low) << 32 | u64::from(high), h);
-        *place += 1;
-    }
-    // Each `next[v]` is now the end of the slots of `v`, and so the first slot of vertex `v + 1`.
-    let mut start = 0;
-    for end in next {
-        sorted[start..end].sort_unstable();
-        start = end;
-    }
+        let (low, high) = (p.min(q), p.max(q));
+        (low, (u64::from(low) << 32 | u64::from(high), h))
+    });
+    let mut sorted = Lists::new(origins.iter().max().map_or(0, |&v| v as usize + 1), half_edges);
+    (0..sorted.len()).for_each(|v| sorted.of_mut(v).sort_unstable());
     EdgeGroups(sorted)
 }
 
 impl EdgeGroups {
     /// One slice per edge: the key of the edge with each of its half-edges, in ascending order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &[(u64, u32)]> {
-        self.0.chunk_by(|a, b| a.0 == b.0)
+        self.0.iter().flat_map(|edges| edges.chunk_by(|a, b| a.0 == b.0))
     }
 }
 

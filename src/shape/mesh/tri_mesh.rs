@@ -6,6 +6,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::MeshError;
+use plumbline_num::math::Lists;
 
 /// Indexed face set. The corners of a triangle are in counterclockwise order seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,6 +111,32 @@ impl TriMesh {
             a.dot(&b.cross(&c))
         };
         (0..self.triangles.len()).map(cone).sum::<f64>() / 6.0
+    }
+
+    /// The triangles around each vertex, ascending.
+    pub fn triangles_of_vertices(&self) -> Lists<u32> {
+        let corners = (0..).zip(&self.triangles).flat_map(|(t, corners)| corners.map(|v| (v, t)));
+        Lists::new(self.positions.len(), corners)
+    }
+
+    /// The vertices of triangles, ascending, and the isolated ones, which are in no triangle.
+    pub fn referenced_and_isolated(&self) -> (Vec<u32>, Vec<u32>) {
+        let mut referenced = vec![false; self.positions.len()];
+        self.triangles.iter().flatten().for_each(|&v| referenced[v as usize] = true);
+        (0..referenced.len() as u32).partition(|&v| referenced[v as usize])
+    }
+
+    /// The mesh of some vertices, ascending, and triangles over them, given by their vertices in this mesh.
+    ///
+    /// # Panics
+    /// If a triangle has another vertex.
+    #[must_use]
+    pub fn restricted(&self, vertices: &[u32], triangles: impl IntoIterator<Item = [u32; 3]>) -> Self {
+        let mut number = vec![u32::MAX; self.positions.len()];
+        vertices.iter().zip(0..).for_each(|(&v, k)| number[v as usize] = k);
+        let positions = vertices.iter().map(|&v| self.positions[v as usize]).collect();
+        let triangles = triangles.into_iter().map(|t| t.map(|v| number[v as usize])).collect();
+        Self::new(positions, triangles).expect("part of a mesh")
     }
 
     /// Axis-aligned bounding box as its minimum and maximum corners; `None` without vertices.

@@ -6,8 +6,11 @@ use super::MeshFormat;
 use super::text::shown;
 use crate::mesh::MeshError;
 
-/// The format by content; by the file name where the content is ambiguous.
-pub(super) fn format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError> {
+/// Detects the format of a mesh file by content, or by the name where the content is ambiguous.
+///
+/// # Errors
+/// [`MeshError::UnknownFormat`].
+pub fn detect_format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError> {
     let named = MeshFormat::of_name(name);
     if bytes.is_empty() {
         return Err(MeshError::UnknownFormat { seen: "an empty file".to_owned() });

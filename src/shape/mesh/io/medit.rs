@@ -86,7 +86,7 @@ fn vertices(words: &mut Words<'_>, builder: &mut ModelBuilder, run: &Run) -> Res
         }
         words.number("a reference")?;
         let vertex = builder.positions.len();
-        builder.positions.push(finite(MeshFormat::Medit, || words.place(), vertex, xyz)?);
+        builder.positions.push(finite(MeshFormat::Medit, || words.position(), vertex, xyz)?);
     }
     Ok(())
 }

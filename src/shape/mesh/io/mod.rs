@@ -10,6 +10,7 @@ mod medit;
 mod obj;
 mod off;
 mod ply;
+mod scalar;
 mod stl;
 mod text;
 mod write;
@@ -21,6 +22,7 @@ use std::path::Path;
 use super::{MeshError, Model, Position};
 use plumbline_num::run::Run;
 
+pub use detect::detect_format;
 pub use write::{WriteOptions, encode_model, losses, write_model, write_model_with};
 
 /// Formats of mesh files.
@@ -105,18 +107,10 @@ impl ReadLimits {
 pub fn read_model(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Model, MeshError> {
     let read = || {
         let bytes = read_file(path, limits.max_bytes)?;
-        let format = detect::format(&bytes, path)?;
+        let format = detect_format(&bytes, path)?;
         decode_model(&bytes, format, path.parent().or(Some(Path::new("."))), limits, run)
     };
     read().map_err(|fault: MeshError| fault.of_file(path))
-}
-
-/// Detects the format of a mesh file by content, or by the name where the content is ambiguous.
-///
-/// # Errors
-/// [`MeshError::UnknownFormat`].
-pub fn detect_format(bytes: &[u8], name: &Path) -> Result<MeshFormat, MeshError> {
-    detect::format(bytes, name)
 }
 
 /// Decodes a model. `folder` is the folder of the files that a glTF file may reference; `None` allows none.
@@ -183,6 +177,11 @@ fn finite(
     }
     let [x, y, z] = xyz;
     Err(malformed(format, at(), MeshError::NotFinite { vertex, x, y, z }.to_string()))
+}
+
+/// The triangles of a strip: every second one has reversed orientation.
+fn triangles_of_strip(strip: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
+    strip.windows(3).enumerate().map(|(k, t)| if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
 }
 
 /// Replaces non-finite components of normals, texture coordinates and colors by zero: they do not justify rejecting the mesh.

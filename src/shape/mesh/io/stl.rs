@@ -108,7 +108,7 @@ fn facet(words: &mut Words<'_>, builder: &mut ModelBuilder, group: u32) -> Resul
             *value = words.number("a coordinate")?;
         }
         let vertex = builder.positions.len();
-        builder.positions.push(finite(MeshFormat::Stl, || words.place(), vertex, xyz)?);
+        builder.positions.push(finite(MeshFormat::Stl, || words.position(), vertex, xyz)?);
     }
     expect(words, "endloop")?;
     expect(words, "endfacet")?;

@@ -90,7 +90,7 @@ impl<'a> Words<'a> {
     }
 
     /// Line of the most recent word.
-    pub(super) fn place(&self) -> Position {
+    pub(super) fn position(&self) -> Position {
         Position::Line(self.line)
     }
 
@@ -100,7 +100,7 @@ impl<'a> Words<'a> {
     }
 
     pub(super) fn fault(&self, fault: impl Into<String>) -> MeshError {
-        malformed(self.format, self.place(), fault)
+        malformed(self.format, self.position(), fault)
     }
 
     /// The next word; `None` at the end of the file.
@@ -165,7 +165,7 @@ mod tests {
         let mut words = Words::new(b"a # x\n\n b#y\nc", 0, 1, MeshFormat::Off, Some(b'#'));
         let mut seen = Vec::new();
         while let Some(word) = words.next_word() {
-            seen.push((word, words.place()));
+            seen.push((word, words.position()));
         }
         assert_eq!(seen, [(&b"a"[..], Position::Line(1)), (b"b", Position::Line(3)), (b"c", Position::Line(4))]);
     }

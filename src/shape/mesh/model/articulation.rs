@@ -5,11 +5,12 @@
 //! that uses only the triangles can ignore the nodes. The data suffice to write the file again and to build a character;
 //! nothing here interprets them.
 
-use nalgebra::{Matrix3, Matrix4, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 
 use super::{Faces, NO_VALUE};
 use crate::mesh::MeshError;
+use plumbline_num::math::Trs;
 use plumbline_num::spatial::UnionFind;
 
 /// Node hierarchy, skins and animations of a model.
@@ -72,12 +73,9 @@ impl NodeTransform {
         match self {
             Self::Matrix(matrix) => *matrix,
             Self::Trs { translation, rotation: [x, y, z, w], scale } => {
-                let quaternion = Quaternion::new(*w, *x, *y, *z);
-                let turn = UnitQuaternion::try_new(quaternion, 0.0).unwrap_or_else(UnitQuaternion::identity);
-                let linear = Rotation3::from(turn).into_inner() * Matrix3::from_diagonal(&Vector3::from(*scale));
-                let mut matrix = linear.to_homogeneous();
-                matrix.fixed_view_mut::<3, 1>(0, 3).copy_from(&Vector3::from(*translation));
-                matrix
+                let rotation = UnitQuaternion::try_new(Quaternion::new(*w, *x, *y, *z), 0.0).unwrap_or_default();
+                let [translation, scale] = [translation, scale].map(|v| Vector3::from(*v));
+                Trs { translation, rotation, scale }.matrix()
             }
         }
     }
@@ -221,17 +219,37 @@ impl ChannelInterpolation {
     }
 }
 
+/// A node from which the chain of parents does not end, if there is a cycle.
+pub(in crate::mesh) fn cycle(nodes: &[Node]) -> Option<usize> {
+    // A path to the root has at most as many steps as there are nodes; `done` marks nodes whose path is known to end.
+    let mut done = vec![false; nodes.len()];
+    for start in 0..nodes.len() {
+        let (mut path, mut at) = (Vec::new(), Some(start));
+        while let Some(node) = at.filter(|&node| !done[node]) {
+            if path.len() > nodes.len() {
+                return Some(start);
+            }
+            path.push(node);
+            at = nodes[node].parent.map(|p| p as usize);
+        }
+        for node in path {
+            done[node] = true;
+        }
+    }
+    None
+}
+
 impl Articulation {
     /// `world_from_node` of every node in the rest pose.
     pub fn world_from_nodes(&self) -> Vec<Matrix4<f64>> {
         let mut world: Vec<Option<Matrix4<f64>>> = vec![None; self.nodes.len()];
         for start in 0..self.nodes.len() {
             // The nodes from `start` up to the first ancestor with a known transform, then down again.
-            let mut way = vec![start];
-            while let Some(parent) = self.nodes[way[way.len() - 1]].parent.filter(|&p| world[p as usize].is_none()) {
-                way.push(parent as usize);
+            let mut path = vec![start];
+            while let Some(parent) = self.nodes[path[path.len() - 1]].parent.filter(|&p| world[p as usize].is_none()) {
+                path.push(parent as usize);
             }
-            for node in way.into_iter().rev() {
+            for node in path.into_iter().rev() {
                 let parent = self.nodes[node].parent.and_then(|p| world[p as usize]);
                 world[node] = Some(parent.unwrap_or_else(Matrix4::identity) * self.nodes[node].transform.matrix());
             }
@@ -253,7 +271,7 @@ impl Articulation {
         if let Some(node) = named.find(|&&n| n as usize >= nodes) {
             return fault(format!("node {node} is named, but there are {nodes}"));
         }
-        if let Some(node) = self.cycle() {
+        if let Some(node) = cycle(&self.nodes) {
             return fault(format!("node {node} is its own ancestor"));
         }
         // Skins: joints in range, one inverse bind matrix each.
@@ -309,27 +327,6 @@ impl Articulation {
             }
         }
         Ok(())
-    }
-
-    /// A node from which the chain of parents does not end, if there is a cycle.
-    fn cycle(&self) -> Option<usize> {
-        // A path to the root has at most as many steps as there are nodes; `done` marks nodes whose path is known to end.
-        let mut done = vec![false; self.nodes.len()];
-        for start in 0..self.nodes.len() {
-            let mut way = Vec::new();
-            let mut at = Some(start);
-            while let Some(node) = at.filter(|&node| !done[node]) {
-                if way.len() > self.nodes.len() {
-                    return Some(start);
-                }
-                way.push(node);
-                at = self.nodes[node].parent.map(|p| p as usize);
-            }
-            for node in way {
-                done[node] = true;
-            }
-        }
-        None
     }
 
     /// The articulation restricted to the given vertices, with `faces` over the new indices; `None` where a face joins
@@ -396,8 +393,8 @@ mod tests {
             Articulation { nodes: vec![at(3.0, Some(2)), at(5.0, Some(0)), at(1.0, None)], ..Default::default() };
         let x: Vec<f64> = tree.world_from_nodes().iter().map(|m| m[(0, 3)]).collect();
         assert_eq!(x, [1.0 + 2.0 * 3.0, 1.0 + 2.0 * (3.0 + 2.0 * 5.0), 1.0]);
-        assert_eq!(tree.cycle(), None);
+        assert_eq!(cycle(&tree.nodes), None);
         let ring = Articulation { nodes: vec![at(0.0, Some(1)), at(0.0, Some(0))], ..Default::default() };
-        assert_eq!(ring.cycle(), Some(0));
+        assert_eq!(cycle(&ring.nodes), Some(0));
     }
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::Cotangents;
 use crate::mesh::TriMesh;
+use plumbline_num::math::Lists;
 use plumbline_num::sparse::{Pattern, SparseError, SparseMatrix};
 
 /// Symmetric edge weights `w_ij`, each edge `i < j` once, in lexicographic order.
@@ -35,22 +36,10 @@ impl EdgeWeights {
         // would cost five times as much.
         let parts: Vec<(u32, u32, f64)> =
             parts.filter(|(i, j, _)| i != j).map(|(i, j, w)| (i.min(j), i.max(j), w)).collect();
-        let mut start = vec![0_u32; vertices + 1];
-        for part in &parts {
-            start[part.0 as usize + 1] += 1;
-        }
-        for v in 0..vertices {
-            start[v + 1] += start[v];
-        }
-        let mut next = start.clone();
-        let mut sorted = vec![(0_u32, 0.0_f64); parts.len()];
-        for &(i, j, w) in &parts {
-            sorted[next[i as usize] as usize] = (j, w);
-            next[i as usize] += 1;
-        }
+        let mut rows = Lists::new(vertices, parts.iter().map(|&(i, j, w)| (i, (j, w))));
         let (mut edges, mut weights) = (Vec::with_capacity(parts.len() / 2), Vec::with_capacity(parts.len() / 2));
         for i in 0..vertices {
-            let row = &mut sorted[start[i] as usize..start[i + 1] as usize];
+            let row = rows.of_mut(i);
             // Stable sort: the order of summation, and so the rounding, is deterministic.
             row.sort_by_key(|&(j, _)| j);
             for of_edge in row.chunk_by(|a, b| a.0 == b.0) {

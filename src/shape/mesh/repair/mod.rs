@@ -162,7 +162,7 @@ pub fn repair(mesh: &TriMesh, options: &RepairOptions, run: &Run) -> Result<Repa
         triangles_before: mesh.triangle_count(),
         ..RepairReport::default()
     };
-    report.unreferenced = unreferenced(mesh);
+    (_, report.unreferenced) = mesh.referenced_and_isolated();
     // Step 1: weld.
     let joined = weld::join(mesh, options.weld, &report.unreferenced, run)?;
     report.welded = joined.joined();
@@ -175,13 +175,6 @@ pub fn repair(mesh: &TriMesh, options: &RepairOptions, run: &Run) -> Result<Repa
     flat::remove(&mut soup, options.flat, &mut report, run)?;
     // Steps 4 to 6: pairing, orientation, vertex splits.
     sheets::finish(&soup, report, run)
-}
-
-/// Isolated vertices, in ascending order.
-fn unreferenced(mesh: &TriMesh) -> Vec<u32> {
-    let mut named = vec![false; mesh.vertex_count()];
-    mesh.triangles().iter().flatten().for_each(|&v| named[v as usize] = true);
-    (0..named.len() as u32).filter(|&v| !named[v as usize]).collect()
 }
 
 #[cfg(test)]

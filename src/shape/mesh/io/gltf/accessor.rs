@@ -1,62 +1,39 @@
 //! Accessors: typed values in buffer views.
 
 use super::super::ReadLimits;
+use super::super::scalar::Scalar;
 use super::buffers::{Buffers, View};
 use super::document::{Accessor, Document, SparsePart};
-use super::fault;
+use super::{fault, item};
 use crate::mesh::MeshError;
 
-/// Component type of an accessor.
-#[derive(Clone, Copy)]
-enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
+/// The type of the components of an accessor at `at`, by its code.
+fn component(code: u32, at: &str) -> Result<Scalar, MeshError> {
+    Ok(match code {
+        5120 => Scalar::I8,
+        5121 => Scalar::U8,
+        5122 => Scalar::I16,
+        5123 => Scalar::U16,
+        5125 => Scalar::U32,
+        5126 => Scalar::F32,
+        _ => {
+            let told = format!("{code} is no type of numbers (5120 to 5126)");
+            return Err(fault(format!("{at}/componentType"), told));
+        }
+    })
 }
 
-impl Component {
-    fn of(code: u32, at: &str) -> Result<Self, MeshError> {
-        Ok(match code {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5125 => Self::U32,
-            5126 => Self::F32,
-            _ => {
-                return Err(fault(
-                    format!("{at}/componentType"),
-                    format!("{code} is no type of numbers (5120 to 5126)"),
-                ));
-            }
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
-    }
-
-    /// Decodes the first bytes; `normalized` integers become fractions, by the formulas of the specification.
-    fn value(self, bytes: &[u8], normalized: bool) -> f64 {
-        let two = || [bytes[0], bytes[1]];
-        let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
-        let (value, full) = match self {
-            Self::I8 => (f64::from(bytes[0].cast_signed()), 127.0),
-            Self::U8 => (f64::from(bytes[0]), 255.0),
-            Self::I16 => (f64::from(i16::from_le_bytes(two())), 32_767.0),
-            Self::U16 => (f64::from(u16::from_le_bytes(two())), 65_535.0),
-            Self::U32 => (f64::from(u32::from_le_bytes(four())), f64::from(u32::MAX)),
-            Self::F32 => return f64::from(f32::from_le_bytes(four())),
-        };
-        if normalized { (value / full).max(-1.0) } else { value }
-    }
+/// The value of a normalized integer as a fraction, by the formulas of the specification.
+fn normalized(component: Scalar, value: f64) -> f64 {
+    let full = match component {
+        Scalar::I8 => 127.0,
+        Scalar::U8 => 255.0,
+        Scalar::I16 => 32_767.0,
+        Scalar::U16 => 65_535.0,
+        Scalar::U32 => f64::from(u32::MAX),
+        Scalar::I32 | Scalar::F32 | Scalar::F64 => return value,
+    };
+    (value / full).max(-1.0)
 }
 
 /// Values of an accessor, `width` numbers each.
@@ -87,8 +64,7 @@ pub(super) fn values(
 ) -> Result<Values, MeshError> {
     // Type and count; the count is limited before allocation.
     let at = format!("/accessors/{index}");
-    let missing = || fault(&at, format!("there are only {} accessors", document.accessors.len()));
-    let accessor = document.accessors.get(index).ok_or_else(missing)?;
+    let accessor = item(&document.accessors, index, &at, "accessor")?;
     if !kinds.contains(&accessor.kind.as_str()) {
         return Err(fault(
             format!("{at}/type"),
@@ -102,7 +78,7 @@ pub(super) fn values(
         "MAT4" => 16,
         _ => 4,
     };
-    let component = Component::of(accessor.component_type, &at)?;
+    let component = component(accessor.component_type, &at)?;
     let count = usize::try_from(accessor.count).unwrap_or(usize::MAX);
     limits.check("number of values of an accessor", count)?;
     // Dense values, then the sparse replacements.
@@ -121,7 +97,7 @@ pub(super) fn values(
 
 /// Layout of equally spaced values in a buffer view.
 struct Packed {
-    component: Component,
+    component: Scalar,
     width: usize,
     normalized: bool,
     count: usize,
@@ -146,7 +122,8 @@ impl Packed {
         for item in 0..self.count {
             let item = &view.bytes[offset + item * stride..];
             for k in 0..self.width {
-                numbers.push(self.component.value(&item[k * self.component.size()..], self.normalized));
+                let value = self.component.decoded(&item[k * self.component.size()..], false);
+                numbers.push(if self.normalized { normalized(self.component, value) } else { value });
             }
         }
         Ok(numbers)
@@ -159,7 +136,7 @@ fn substitute(
     buffers: &Buffers<'_>,
     accessor: &Accessor,
     at: &str,
-    component: Component,
+    type_of_values: Scalar,
     width: usize,
     numbers: &mut [f64],
 ) -> Result<(), MeshError> {
@@ -169,18 +146,18 @@ fn substitute(
     if count > numbers.len() / width {
         return Err(fault(at, format!("{count} values replace those of an accessor of {}", numbers.len() / width)));
     }
-    let part = |part: &SparsePart, component: Component, width: usize, normalized: bool| {
+    let part = |part: &SparsePart, component: Scalar, width: usize, normalized: bool| {
         let view = buffers.view(document, part.buffer_view, &at)?;
         let packed = Packed { component, width, normalized, count };
         packed.numbers(View { stride: None, ..view }, part.byte_offset, &at)
     };
-    let places = part(&sparse.indices, Component::of(sparse.indices.component_type, &at)?, 1, false)?;
-    let values = part(&sparse.values, component, width, accessor.normalized)?;
-    for (&place, value) in places.iter().zip(values.chunks_exact(width)) {
-        let from = place as usize * width;
+    let indices = part(&sparse.indices, component(sparse.indices.component_type, &at)?, 1, false)?;
+    let values = part(&sparse.values, type_of_values, width, accessor.normalized)?;
+    for (&index, value) in indices.iter().zip(values.chunks_exact(width)) {
+        let from = index as usize * width;
         match numbers.get_mut(from..from + width) {
-            Some(into) if place.fract() == 0.0 && place >= 0.0 => into.copy_from_slice(value),
-            _ => return Err(fault(&at, format!("replaces value {place}, which the accessor does not have"))),
+            Some(into) if index.fract() == 0.0 && index >= 0.0 => into.copy_from_slice(value),
+            _ => return Err(fault(&at, format!("replaces value {index}, which the accessor does not have"))),
         }
     }
     Ok(())

@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::super::{ReadLimits, read_file};
 use super::document::Document;
-use super::fault;
+use super::{fault, item};
 use crate::mesh::MeshError;
 
 /// All buffers of a document.
@@ -52,13 +52,9 @@ impl<'a> Buffers<'a> {
 
     /// The bytes of a view; `user` is the JSON pointer of the value that references it, for errors.
     pub(super) fn view<'b>(&'b self, document: &Document, view: usize, user: &str) -> Result<View<'b>, MeshError> {
-        let described = document.buffer_views.get(view).ok_or_else(|| {
-            fault(user, format!("refers to buffer view {view}; there are {}", document.buffer_views.len()))
-        })?;
+        let described = item(&document.buffer_views, view, user, "buffer view")?;
         let at = format!("/bufferViews/{view}");
-        let buffer = self.0.get(described.buffer).ok_or_else(|| {
-            fault(at.clone(), format!("refers to buffer {}; there are {}", described.buffer, self.0.len()))
-        })?;
+        let buffer = item(&self.0, described.buffer, &at, "buffer")?;
         let (from, length) = (described.byte_offset, described.byte_length);
         let range = usize::try_from(from).ok().zip(usize::try_from(from.saturating_add(length)).ok());
         let bytes = range.and_then(|(from, to)| buffer.get(from..to)).ok_or_else(|| {

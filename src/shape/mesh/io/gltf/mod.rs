@@ -38,6 +38,12 @@ fn fault(at: impl Into<String>, told: impl Into<String>) -> MeshError {
     malformed(MeshFormat::Gltf, Position::Json(at.into()), told)
 }
 
+/// The item of a list that the value at `at` refers to.
+fn item<'a, T>(list: &'a [T], index: usize, at: impl Into<String>, what: &str) -> Result<&'a T, MeshError> {
+    let missing = || fault(at, format!("there is no {what} {index}; there are {}, numbered from 0", list.len()));
+    list.get(index).ok_or_else(missing)
+}
+
 /// Reads the file. `folder` contains the files that it references.
 pub(super) fn read(
     bytes: &[u8],

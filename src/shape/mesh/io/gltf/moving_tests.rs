@@ -191,13 +191,13 @@ fn faults_are_told_with_place_value_and_range() {
             d["buffers"][3]["uri"] = json!(format!("data:;base64,{}", STANDARD.encode([0xff; 128])));
         }),
         ("vertex 0 follows joint 1; skin 0 has 1", |d| d["skins"][0]["joints"] = json!([0])),
-        ("its node names skin 4; there are 1", |d| d["nodes"][2]["skin"] = json!(4)),
+        ("there is no skin 4; there are 1", |d| d["nodes"][2]["skin"] = json!(4)),
         ("has only one of JOINTS_0 and WEIGHTS_0", |d| {
             d["meshes"][0]["primitives"][0]["attributes"] = json!({ "POSITION": 0, "JOINTS_0": 1 });
         }),
         ("JOINTS_0, WEIGHTS_0: 3, 4 values for 4 vertices", |d| d["accessors"][1]["count"] = json!(3)),
         ("/nodes/0: has two parents, or is its own ancestor", |d| d["nodes"][1]["children"] = json!([0])),
-        ("/nodes/1/children: names node 9; there are only 3", |d| d["nodes"][1]["children"] = json!([9])),
+        ("/nodes/1/children: there is no node 9; there are 3", |d| d["nodes"][1]["children"] = json!([9])),
         ("/accessors/5, item 2: key time 0.5 s does not follow 2 s", |d| {
             let times: Vec<u8> = [0.0_f32, 2.0, 0.5].iter().flat_map(|x| x.to_le_bytes()).collect();
             d["buffers"][5]["uri"] = json!(format!("data:;base64,{}", STANDARD.encode(times)));
@@ -209,13 +209,13 @@ fn faults_are_told_with_place_value_and_range() {
         ("/animations/0/samplers/0: 3 keys need 36 numbers, and there are 12", |d| {
             d["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE");
         }),
-        ("/animations/0/channels/0: refers to sampler 5; there are 2", |d| {
+        ("/animations/0/channels/0: there is no sampler 5; there are 2", |d| {
             d["animations"][0]["channels"][0]["sampler"] = json!(5);
         }),
         ("/animations/0/channels/1: a second channel for Rotation of node 1", |d| {
             d["animations"][0]["channels"][1] = json!({ "sampler": 0, "target": { "node": 1, "path": "rotation" } });
         }),
-        ("/accessors/40: there are only 8 accessors", |d| d["skins"][0]["inverseBindMatrices"] = json!(40)),
+        ("/accessors/40: there is no accessor 40; there are 8", |d| d["skins"][0]["inverseBindMatrices"] = json!(40)),
     ];
     for (expected, change) in cases {
         let told = decode(&changed(change)).map(|_| ()).expect_err(expected).to_string();

@@ -2,11 +2,12 @@
 
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
+use super::super::triangles_of_strip;
 use super::accessor::Values;
 use super::articulation::{animations, nodes, skins, targets};
-use super::document::{Mesh, Primitive};
-use super::fault;
+use super::document::Primitive;
 use super::input::Input;
+use super::{fault, item};
 use crate::mesh::model::articulation::{Articulation, Instance, MorphTarget};
 use crate::mesh::{Group, Material, MeshError, ModelBuilder, NO_VALUE};
 use plumbline_num::run::Run;
@@ -15,7 +16,7 @@ use plumbline_num::run::Run;
 type Triangles = Vec<[u32; 3]>;
 
 /// Transform, skin and morph targets of the instance that is being read.
-struct Stand {
+struct Placement {
     matrix: Matrix4<f64>,
     skin: Option<usize>,
     targets: Vec<MorphTarget>,
@@ -92,8 +93,7 @@ impl Scene<'_> {
         let mut open: Vec<usize> = roots.into_iter().rev().collect();
         while let Some(index) = open.pop() {
             let at = format!("/nodes/{index}");
-            let there = document.nodes.len();
-            let node = document.nodes.get(index).ok_or_else(|| fault(&at, format!("there are only {there} nodes")))?;
+            let node = item(&document.nodes, index, &at, "node")?;
             if std::mem::replace(&mut seen[index], true) {
                 return Err(fault(at, "has two parents, or is its own ancestor"));
             }
@@ -118,27 +118,20 @@ impl Scene<'_> {
         if document.scene.is_some() {
             return Err(fault("/scene", format!("{scene}; there are {} scenes", document.scenes.len())));
         }
-        let mut is_child = vec![false; document.nodes.len()];
-        for &child in document.nodes.iter().flat_map(|node| &node.children) {
-            if let Some(flag) = is_child.get_mut(child) {
-                *flag = true;
-            }
-        }
-        Ok((0..document.nodes.len()).filter(|&node| !is_child[node]).collect())
+        let nodes = self.articulation.nodes.iter().enumerate();
+        Ok(nodes.filter(|(_, node)| node.parent.is_none()).map(|(k, _)| k).collect())
     }
 
     /// Reads a mesh as the instance at a node.
     fn mesh(&mut self, index: usize, node: Option<usize>, run: &Run) -> Result<(), MeshError> {
         let document = self.input.document;
         let at = format!("/meshes/{index}");
-        let there = document.meshes.len();
-        let mesh: &Mesh =
-            document.meshes.get(index).ok_or_else(|| fault(&at, format!("there are only {there} meshes")))?;
+        let mesh = item(&document.meshes, index, &at, "mesh")?;
         // Name, skin, transform and morph targets of the instance.
         let described = node.map(|node| &document.nodes[node]);
         let object = described.and_then(|n| n.name.as_deref()).or(mesh.name.as_deref()).unwrap_or_default().to_owned();
         let skin = described.and_then(|n| n.skin);
-        let mut stand = Stand {
+        let mut placement = Placement {
             // A skinned mesh is in its bind pose: by the specification its node transform is ignored.
             matrix: node.filter(|_| skin.is_none()).map_or_else(Matrix4::identity, |n| self.world_from_nodes[n]),
             skin,
@@ -157,7 +150,7 @@ impl Scene<'_> {
                 |other: &Primitive| (&other.attributes, &other.targets) == (&primitive.attributes, &primitive.targets);
             let first = match read.iter().find(|(other, _)| same(other)) {
                 Some(&(_, first)) => first,
-                None => self.vertices(primitive, &mut stand, &at)?,
+                None => self.vertices(primitive, &mut placement, &at)?,
             };
             read.push((primitive, first));
             // Object and group names: those of the writer of this crate in `extras`, else the node's or the mesh's.
@@ -168,11 +161,16 @@ impl Scene<'_> {
             };
             let count = self.count_of(primitive);
             let triangles = self.triangles(primitive, count, &at)?;
-            self.faces(primitive, group, first, triangles, stand.matrix.determinant() < 0.0, &at)?;
+            self.faces(primitive, group, first, triangles, placement.matrix.determinant() < 0.0, &at)?;
         }
         if let Some(node) = node {
             let (node, skin) = (node as u32, skin.map(|s| s as u32));
-            self.articulation.instances.push(Instance { node, skin, mesh: mesh.name.clone(), targets: stand.targets });
+            self.articulation.instances.push(Instance {
+                node,
+                skin,
+                mesh: mesh.name.clone(),
+                targets: placement.targets,
+            });
         }
         Ok(())
     }
@@ -185,8 +183,8 @@ impl Scene<'_> {
     }
 
     /// Adds the vertices of a primitive; returns the index of the first.
-    fn vertices(&mut self, primitive: &Primitive, stand: &mut Stand, at: &str) -> Result<u32, MeshError> {
-        let (input, matrix) = (self.input, stand.matrix);
+    fn vertices(&mut self, primitive: &Primitive, placement: &mut Placement, at: &str) -> Result<u32, MeshError> {
+        let (input, matrix) = (self.input, placement.matrix);
         let attribute = |name: &str| primitive.attributes.get(name).copied();
         let read = |index: usize, kinds: &[&str]| input.values(index, kinds);
         // Attributes, with equal counts.
@@ -207,15 +205,16 @@ impl Scene<'_> {
         // Positions in the space of the model.
         for (k, xyz) in positions.rows::<3>().enumerate() {
             let p = matrix.transform_point(&Point3::from(xyz));
-            let place = || crate::mesh::Position::Json(format!("/accessors/{position}, item {k}"));
-            builder.positions.push(super::super::finite(super::MeshFormat::Gltf, place, first + k, p.coords.into())?);
+            let at = || crate::mesh::Position::Json(format!("/accessors/{position}, item {k}"));
+            builder.positions.push(super::super::finite(super::MeshFormat::Gltf, at, first + k, p.coords.into())?);
         }
         // Normals, texture coordinates and colors are indexed by vertex; zeros pad primitives without them, unreferenced.
         // v is flipped: glTF has its origin at the top, [`Model`](crate::mesh::Model) at the bottom.
         builder.normals.values.resize(if normals.is_some() { first } else { builder.normals.values.len() }, [0.0; 3]);
-        let turn = normal_matrix(&matrix);
+        let of_normals = normal_matrix(&matrix);
         for row in normals.iter().flat_map(Values::rows::<3>) {
-            let normal = (turn * Vector3::from(row)).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
+            let normal =
+                (of_normals * Vector3::from(row)).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
             builder.normals.values.push(normal.unwrap_or_else(Vector3::zeros).into());
         }
         builder.texture.values.resize(if texture.is_some() { first } else { builder.texture.values.len() }, [0.0; 2]);
@@ -226,7 +225,7 @@ impl Scene<'_> {
             builder.colors.resize(first, [1.0; 4]);
             builder.colors.extend(colors.rows::<4>().map(|c| c.map(|x| if x.is_finite() { x as f32 } else { 0.0 })));
         }
-        self.movement(primitive, stand, (first, count), &turn, at)?;
+        self.movement(primitive, placement, (first, count), &of_normals, at)?;
         Ok(first as u32)
     }
 
@@ -234,16 +233,16 @@ impl Scene<'_> {
     fn movement(
         &mut self,
         primitive: &Primitive,
-        stand: &mut Stand,
+        placement: &mut Placement,
         (first, count): (usize, usize),
-        turn: &Matrix3<f64>,
+        of_normals: &Matrix3<f64>,
         at: &str,
     ) -> Result<(), MeshError> {
-        let linear = stand.matrix.fixed_view::<3, 3>(0, 0).into_owned();
-        targets::add(self.input, &mut stand.targets, primitive, (first, count), [&linear, turn], at)?;
+        let linear = placement.matrix.fixed_view::<3, 3>(0, 0).into_owned();
+        targets::add(self.input, &mut placement.targets, primitive, (first, count), [&linear, of_normals], at)?;
         let instance = self.articulation.instances.len() as u32;
         self.articulation.instance_of_vertex.resize(first + count, instance);
-        let Some(skin) = stand.skin else {
+        let Some(skin) = placement.skin else {
             (0..count).for_each(|_| self.articulation.influences.push([]));
             return Ok(());
         };
@@ -275,10 +274,7 @@ impl Scene<'_> {
                 Err(fault(at, format!("{} corners make no triangles", indices.len())))
             }
             4 => Ok(indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect()),
-            5 => {
-                let turned = |(k, t): (usize, &[u32])| if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
-                Ok(indices.windows(3).enumerate().map(turned).collect())
-            }
+            5 => Ok(triangles_of_strip(&indices).collect()),
             6 => Ok(indices.windows(2).skip(1).map(|t| [indices[0], t[0], t[1]]).collect()),
             mode => Err(fault(format!("{at}/mode"), format!("{mode} is no mode (0 to 6)"))),
         }
@@ -296,13 +292,9 @@ impl Scene<'_> {
     ) -> Result<(), MeshError> {
         let builder = &mut self.builder;
         self.input.limits.check("number of corners", builder.faces.corner_count() + 3 * triangles.len())?;
-        let materials = builder.materials.all.len();
-        let material = match primitive.material {
-            Some(material) if material >= materials => {
-                return Err(fault(at, format!("refers to material {material}; there are {materials}")));
-            }
-            material => material.map_or(NO_VALUE, |m| m as u32),
-        };
+        let known = |&material: &usize| item(&builder.materials.all, material, at, "material");
+        primitive.material.as_ref().map(known).transpose()?;
+        let material = primitive.material.map_or(NO_VALUE, |m| m as u32);
         let label = if group == Group::default() { NO_VALUE } else { builder.group(group) };
         let has = |name: &str| primitive.attributes.contains_key(name);
         let (normals, texture) = (has("NORMAL"), has("TEXCOORD_0"));

@@ -177,9 +177,11 @@ fn faults_are_told_with_place_value_and_range() {
         }),
         ("value /accessors/0/componentType: 5130 is no type", |d| d["accessors"][0]["componentType"] = json!(5130)),
         ("value /accessors/0/type: \"VEC2\", where VEC3 is needed", |d| d["accessors"][0]["type"] = json!("VEC2")),
-        ("value /accessors/7: there are only 2 accessors", |d| d["meshes"][0]["primitives"][0]["indices"] = json!(7)),
+        ("value /accessors/7: there is no accessor 7; there are 2", |d| {
+            d["meshes"][0]["primitives"][0]["indices"] = json!(7);
+        }),
         ("value /nodes/0: has two parents, or is its own ancestor", |d| d["nodes"][0]["children"] = json!([0])),
-        ("value /meshes/3: there are only 1 meshes", |d| d["nodes"][0]["mesh"] = json!(3)),
+        ("value /meshes/3: there is no mesh 3; there are 1", |d| d["nodes"][0]["mesh"] = json!(3)),
         ("\"../secret.bin\": other files are not opened here", |d| d["buffers"][0]["uri"] = json!("../secret.bin")),
         ("base64 that cannot be decoded", |d| d["buffers"][0]["uri"] = json!("data:;base64,!!")),
     ];

@@ -1,8 +1,9 @@
 //! Sequential decoding of the values of a PLY file.
 
+use super::super::scalar::Scalar;
 use super::super::text::Words;
 use super::super::{MeshFormat, malformed};
-use super::header::{Element, Encoding, Header, Property, Scalar, Shape};
+use super::header::{Element, Encoding, Header, Property, Shape};
 use crate::mesh::{MeshError, Position};
 
 /// The file contents after the header.
@@ -21,20 +22,15 @@ impl<'a> Body<'a> {
     }
 
     /// Position of the next value.
-    pub(super) fn place(&self) -> Position {
+    pub(super) fn position(&self) -> Position {
         match self {
-            Self::Text(words) => words.place(),
+            Self::Text(words) => words.position(),
             Self::Binary { at, .. } => Position::Byte(*at),
         }
     }
 
     pub(super) fn fault(&self, fault: impl Into<String>) -> MeshError {
-        self.fault_at(self.place(), fault)
-    }
-
-    #[expect(clippy::unused_self, reason = "reads as `fault` does")]
-    pub(super) fn fault_at(&self, at: Position, fault: impl Into<String>) -> MeshError {
-        malformed(MeshFormat::Ply, at, fault)
+        malformed(MeshFormat::Ply, self.position(), fault)
     }
 
     fn remaining(&self) -> usize {
@@ -67,31 +63,31 @@ impl<'a> Body<'a> {
 
     /// The next value.
     pub(super) fn value(&mut self, scalar: Scalar) -> Result<f64, MeshError> {
-        let cut_short = self.cut_short();
         match self {
             Self::Text(words) => words.number("a value"),
             Self::Binary { bytes, at, big } => {
                 let size = scalar.size();
-                let Some(value) = bytes.get(*at..*at + size) else { return Err(cut_short()) };
+                let cut_short = || "the file ends inside an element; it is cut short";
+                let fault = || malformed(MeshFormat::Ply, Position::Byte(*at), cut_short());
+                let value = bytes.get(*at..*at + size).ok_or_else(fault)?;
                 *at += size;
-                Ok(decoded(scalar, value, *big))
+                Ok(scalar.decoded(value, *big))
             }
         }
     }
 
-    fn cut_short(&self) -> impl FnOnce() -> MeshError + use<> {
-        let place = match self {
-            Self::Binary { at, .. } => Position::Byte(*at),
-            Self::Text(_) => Position::Byte(0),
-        };
-        move || malformed(MeshFormat::Ply, place, "the file ends inside an element; it is cut short")
-    }
-
-    /// The next list, of the types of `property`. Its length is checked against the remaining file size before allocation.
-    pub(super) fn list(&mut self, property: &Property, into: &mut Vec<f64>) -> Result<(), MeshError> {
+    /// The next value of `property`, or the items of its list. The length of a list is checked against the remaining file size
+    /// before allocation.
+    pub(super) fn values(&mut self, property: &Property, into: &mut Vec<f64>) -> Result<(), MeshError> {
         into.clear();
-        let Shape::List(count, item) = property.shape else { return Ok(()) };
-        let at = self.place();
+        let (count, item) = match property.shape {
+            Shape::One(scalar) => {
+                into.push(self.value(scalar)?);
+                return Ok(());
+            }
+            Shape::List(count, item) => (count, item),
+        };
+        let at = self.position();
         let length = self.value(count)?;
         let room = self.remaining() / if matches!(self, Self::Text(_)) { 1 } else { item.size() };
         if !(length >= 0.0 && length <= room as f64 && length.fract() == 0.0) {
@@ -102,24 +98,5 @@ impl<'a> Body<'a> {
             into.push(self.value(item)?);
         }
         Ok(())
-    }
-}
-
-/// Decodes a binary value of either byte order.
-fn decoded(scalar: Scalar, value: &[u8], big: bool) -> f64 {
-    let mut raw = [0; 8];
-    for (k, &byte) in value.iter().enumerate() {
-        raw[if big { value.len() - 1 - k } else { k }] = byte;
-    }
-    let bits = u64::from_le_bytes(raw);
-    match scalar {
-        Scalar::I8 => f64::from(bits as i8),
-        Scalar::U8 => f64::from(bits as u8),
-        Scalar::I16 => f64::from(bits as i16),
-        Scalar::U16 => f64::from(bits as u16),
-        Scalar::I32 => f64::from(bits as i32),
-        Scalar::U32 => f64::from(bits as u32),
-        Scalar::F32 => f64::from(f32::from_bits(bits as u32)),
-        Scalar::F64 => f64::from_bits(bits),
     }
 }

@@ -1,5 +1,6 @@
 //! The header of a PLY file: encoding, elements, properties.
 
+use super::super::scalar::Scalar;
 use super::super::text::{shown, whole, words};
 use super::super::{MeshFormat, malformed};
 use crate::mesh::{MeshError, Position};
@@ -12,55 +13,19 @@ pub(super) enum Encoding {
     Big,
 }
 
-/// Scalar type of the format, under its old or its sized name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Scalar {
-    fn of(name: &[u8]) -> Option<Self> {
-        Some(match name {
-            b"char" | b"int8" => Self::I8,
-            b"uchar" | b"uint8" => Self::U8,
-            b"short" | b"int16" => Self::I16,
-            b"ushort" | b"uint16" => Self::U16,
-            b"int" | b"int32" => Self::I32,
-            b"uint" | b"uint32" => Self::U32,
-            b"float" | b"float32" => Self::F32,
-            b"double" | b"float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    /// Bytes of a binary value.
-    pub(super) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The value of full color intensity.
-    pub(super) fn full(self) -> f64 {
-        match self {
-            Self::I8 => 127.0,
-            Self::I16 => 32_767.0,
-            Self::U16 => 65_535.0,
-            // Some programs declare bytes as int.
-            Self::U8 | Self::I32 | Self::U32 => 255.0,
-            Self::F32 | Self::F64 => 1.0,
-        }
-    }
+/// The scalar type under its old or its sized name.
+fn scalar_of(name: &[u8]) -> Option<Scalar> {
+    Some(match name {
+        b"char" | b"int8" => Scalar::I8,
+        b"uchar" | b"uint8" => Scalar::U8,
+        b"short" | b"int16" => Scalar::I16,
+        b"ushort" | b"uint16" => Scalar::U16,
+        b"int" | b"int32" => Scalar::I32,
+        b"uint" | b"uint32" => Scalar::U32,
+        b"float" | b"float32" => Scalar::F32,
+        b"double" | b"float64" => Scalar::F64,
+        _ => return None,
+    })
 }
 
 /// One number, or a list: the type of its length and that of its items.
@@ -151,7 +116,7 @@ impl Header {
             }
             b"property" => {
                 let scalar =
-                    |name: &[u8]| Scalar::of(name).ok_or_else(|| fault(line, format!("{} is no type", shown(name))));
+                    |name: &[u8]| scalar_of(name).ok_or_else(|| fault(line, format!("{} is no type", shown(name))));
                 let first = word();
                 let shape = if first == b"list" {
                     Shape::List(scalar(word())?, scalar(word())?)

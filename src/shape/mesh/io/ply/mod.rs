@@ -11,8 +11,9 @@ mod body;
 mod header;
 mod write;
 
-use super::{MeshFormat, finite, or_zero};
-use crate::mesh::{MeshError, ModelBuilder, NO_VALUE};
+use super::scalar::Scalar;
+use super::{MeshFormat, finite, malformed, or_zero, triangles_of_strip};
+use crate::mesh::{MeshError, ModelBuilder, NO_VALUE, Position};
 use body::Body;
 use header::{Element, Header, Property, Shape};
 use plumbline_num::run::Run;
@@ -47,10 +48,22 @@ enum Slot {
     None,
 }
 
+/// The value of full color intensity.
+fn full_intensity(scalar: Scalar) -> f64 {
+    match scalar {
+        Scalar::I8 => 127.0,
+        Scalar::I16 => 32_767.0,
+        Scalar::U16 => 65_535.0,
+        // Some programs declare bytes as int.
+        Scalar::U8 | Scalar::I32 | Scalar::U32 => 255.0,
+        Scalar::F32 | Scalar::F64 => 1.0,
+    }
+}
+
 /// Destination of a property by name; integer colors are scaled to 0 to 1.
 fn slot(property: &Property) -> Slot {
     let Shape::One(scalar) = property.shape else { return Slot::None };
-    let color = |k| Slot::Color(k, 1.0 / scalar.full());
+    let color = |k| Slot::Color(k, 1.0 / full_intensity(scalar));
     match property.name.as_str() {
         "x" => Slot::Position(0),
         "y" => Slot::Position(1),
@@ -87,13 +100,13 @@ fn read_vertices(
     builder.positions.reserve(element.count as usize);
     for _ in 0..element.count {
         run.check()?;
-        let at = body.place();
+        let at = body.position();
         let (mut xyz, mut normal, mut color, mut uv) = ([0.0; 3], [0.0; 3], [0.0, 0.0, 0.0, 1.0], [0.0; 2]);
         for (slot, property) in slots.iter().zip(&element.properties) {
             let scalar = match property.shape {
                 Shape::One(scalar) => scalar,
                 Shape::List(..) => {
-                    body.list(property, &mut Vec::new())?;
+                    body.values(property, &mut Vec::new())?;
                     continue;
                 }
             };
@@ -143,22 +156,12 @@ fn read_faces(
         corners.clear();
         let mut uvs = Vec::new();
         for (k, property) in element.properties.iter().enumerate() {
-            match property.shape {
-                Shape::One(scalar) => drop(body.value(scalar)?),
-                Shape::List(..) => {
-                    let at = body.place();
-                    body.list(property, &mut list)?;
-                    if k == indices {
-                        for &value in &list {
-                            corners.push(
-                                vertex_number(value, vertices)
-                                    .ok_or_else(|| body.fault_at(at.clone(), no_vertex(value, vertices)))?,
-                            );
-                        }
-                    } else if Some(k) == texcoord {
-                        uvs.clone_from(&list);
-                    }
-                }
+            let at = body.position();
+            body.values(property, &mut list)?;
+            if k == indices {
+                corners.extend(vertex_numbers(&list, vertices, &at)?);
+            } else if Some(k) == texcoord {
+                uvs.clone_from(&list);
             }
         }
         if corners.len() < 3 {
@@ -189,17 +192,17 @@ fn add_face(builder: &mut ModelBuilder, corners: &[u32], uvs: Option<&Vec<f64>>)
     }
 }
 
-/// The value as a vertex index; `None` if it is no integer in range.
-fn vertex_number(value: f64, vertices: u64) -> Option<u32> {
-    let fits = value >= 0.0 && value < vertices as f64 && value.fract() == 0.0;
-    fits.then_some(value as u32)
+/// The values as vertex indices; an error at `at` unless all are integers in range.
+fn vertex_numbers(values: &[f64], vertices: u64, at: &Position) -> Result<Vec<u32>, MeshError> {
+    let number = |&value: &f64| {
+        let fits = value >= 0.0 && value < vertices as f64 && value.fract() == 0.0;
+        let fault = || format!("a face names vertex {value}; the file has {vertices}, numbered from 0");
+        fits.then_some(value as u32).ok_or_else(|| malformed(MeshFormat::Ply, at.clone(), fault()))
+    };
+    values.iter().map(number).collect()
 }
 
-fn no_vertex(value: f64, vertices: u64) -> String {
-    format!("a face names vertex {value}; the file has {vertices}, numbered from 0")
-}
-
-/// Triangle strips, separated by −1. Every second triangle of a strip has reversed orientation.
+/// Triangle strips, separated by −1.
 fn read_strips(
     body: &mut Body<'_>,
     element: &Element,
@@ -211,21 +214,13 @@ fn read_strips(
     for _ in 0..element.count {
         run.check()?;
         for property in &element.properties {
-            match property.shape {
-                Shape::One(scalar) => drop(body.value(scalar)?),
-                Shape::List(..) => body.list(property, &mut list)?,
-            }
+            body.values(property, &mut list)?;
             if property.name != "vertex_indices" {
                 continue;
             }
             for strip in list.split(|&value| value == -1.0) {
-                let number =
-                    |&value: &f64| vertex_number(value, vertices).ok_or_else(|| body.fault(no_vertex(value, vertices)));
-                let strip = strip.iter().map(number).collect::<Result<Vec<_>, _>>()?;
-                for (k, t) in strip.windows(3).enumerate() {
-                    let t = if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
-                    add_face(builder, &t, None);
-                }
+                let strip = vertex_numbers(strip, vertices, &body.position())?;
+                triangles_of_strip(&strip).for_each(|t| add_face(builder, &t, None));
             }
         }
     }
@@ -238,10 +233,7 @@ fn skip(body: &mut Body<'_>, element: &Element, builder: &mut ModelBuilder) -> R
     // An element without properties has size zero for any count: nothing to skip, and a hostile count costs no time.
     for _ in 0..if element.properties.is_empty() { 0 } else { element.count } {
         for property in &element.properties {
-            match property.shape {
-                Shape::One(scalar) => drop(body.value(scalar)?),
-                Shape::List(..) => body.list(property, &mut list)?,
-            }
+            body.values(property, &mut list)?;
         }
     }
     builder.warnings.push(format!("element `{}` is left out ({})", element.name, element.count));

@@ -2,7 +2,7 @@
 
 use super::super::accessor::Values;
 use super::super::document::{self, Channel as Described, Sampler};
-use super::super::{fault, input::Input};
+use super::super::{fault, input::Input, item};
 use crate::mesh::MeshError;
 use crate::mesh::model::articulation::{Animation, Articulation, Channel, ChannelInterpolation, Property};
 
@@ -35,9 +35,7 @@ fn channel_of(
     (number, at): (usize, &str),
 ) -> Result<Option<Channel>, MeshError> {
     // Sampler, property and node.
-    let there = animation.samplers.len();
-    let missing = || fault(at, format!("refers to sampler {}; there are {there}", channel.sampler));
-    let sampler = animation.samplers.get(channel.sampler).ok_or_else(missing)?;
+    let sampler = item(&animation.samplers, channel.sampler, at, "sampler")?;
     let property = match channel.target.path.as_str() {
         "translation" => Property::Translation,
         "rotation" => Property::Rotation,
@@ -46,9 +44,7 @@ fn channel_of(
         _ => return Ok(None),
     };
     let Some(node) = channel.target.node else { return Ok(None) };
-    if node >= tree.nodes.len() {
-        return Err(fault(at, format!("moves node {node}; there are only {}", tree.nodes.len())));
-    }
+    item(&tree.nodes, node, at, "node")?;
     let node = node as u32;
     // Numbers per value.
     let width = match property {

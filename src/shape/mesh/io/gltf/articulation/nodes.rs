@@ -3,9 +3,9 @@
 use nalgebra::Matrix4;
 
 use super::super::document::{self, Document};
-use super::super::fault;
+use super::super::{fault, item};
 use crate::mesh::MeshError;
-use crate::mesh::model::articulation::{Node, NodeTransform};
+use crate::mesh::model::articulation::{Node, NodeTransform, cycle};
 
 /// All nodes of the document.
 pub(in super::super) fn read(document: &Document) -> Result<Vec<Node>, MeshError> {
@@ -16,35 +16,16 @@ pub(in super::super) fn read(document: &Document) -> Result<Vec<Node>, MeshError
     }
     for (k, node) in document.nodes.iter().enumerate() {
         for &child in &node.children {
-            let there = nodes.len();
-            let told = || fault(format!("/nodes/{k}/children"), format!("names node {child}; there are only {there}"));
-            let parent = &mut nodes.get_mut(child).ok_or_else(told)?.parent;
-            if parent.replace(k as u32).is_some() {
+            item(&nodes, child, format!("/nodes/{k}/children"), "node")?;
+            if nodes[child].parent.replace(k as u32).is_some() {
                 return Err(fault(format!("/nodes/{child}"), "has two parents, or is its own ancestor"));
             }
         }
     }
-    ends(&nodes)?;
-    Ok(nodes)
-}
-
-/// Checks that the chain of parents ends for every node: there is no cycle.
-fn ends(nodes: &[Node]) -> Result<(), MeshError> {
-    let mut done = vec![false; nodes.len()];
-    for start in 0..nodes.len() {
-        let (mut way, mut at) = (Vec::new(), Some(start));
-        while let Some(node) = at.filter(|&node| !done[node]) {
-            if way.len() > nodes.len() {
-                return Err(fault(format!("/nodes/{start}"), "has two parents, or is its own ancestor"));
-            }
-            way.push(node);
-            at = nodes[node].parent.map(|p| p as usize);
-        }
-        for node in way {
-            done[node] = true;
-        }
+    match cycle(&nodes) {
+        Some(node) => Err(fault(format!("/nodes/{node}"), "has two parents, or is its own ancestor")),
+        None => Ok(nodes),
     }
-    Ok(())
 }
 
 fn transform(node: &document::Node, at: &str) -> Result<NodeTransform, MeshError> {

@@ -2,8 +2,8 @@
 
 use nalgebra::Matrix4;
 
-use super::super::document::{Document, Primitive};
-use super::super::{fault, input::Input};
+use super::super::document::Primitive;
+use super::super::{fault, input::Input, item};
 use crate::mesh::MeshError;
 use crate::mesh::model::articulation::NodeSkin;
 
@@ -59,8 +59,8 @@ fn matrices(input: &Input<'_>, accessor: usize, joints: usize, at: &str) -> Resu
         let row = matrix.row(3).transpose() - nalgebra::Vector4::new(0.0, 0.0, 0.0, 1.0);
         // NaN fails the comparison.
         if !(row.amax() <= AFFINE && matrix.iter().all(|x| x.is_finite())) {
-            let place = format!("/accessors/{accessor}, item {k}");
-            return Err(fault(place, "is no affine matrix (finite, with a last row of 0, 0, 0, 1)"));
+            let at = format!("/accessors/{accessor}, item {k}");
+            return Err(fault(at, "is no affine matrix (finite, with a last row of 0, 0, 0, 1)"));
         }
         matrix.set_row(3, &nalgebra::RowVector4::new(0.0, 0.0, 0.0, 1.0));
         matrices.push(matrix);
@@ -79,7 +79,7 @@ pub(in super::super) fn influences(
     at: &str,
 ) -> Result<(Rows, usize), MeshError> {
     // Rows from all sets of influences, checked; then normalization.
-    let joints_there = joints_of(input.document, skin, at)?;
+    let joints_there = item(&input.document.skins, skin, at, "skin")?.joints.len();
     let mut rows: Rows = vec![Vec::new(); vertices];
     for set in 0..SETS {
         let named = |what: &str| primitive.attributes.get(&format!("{what}_{set}")).copied();
@@ -110,12 +110,6 @@ pub(in super::super) fn influences(
     }
     let odd = rows.iter_mut().filter_map(|row| normalize(row)).filter(|sum| (sum - 1.0).abs() > ROUNDED).count();
     Ok((rows, odd))
-}
-
-fn joints_of(document: &Document, skin: usize, at: &str) -> Result<usize, MeshError> {
-    let there = document.skins.len();
-    let told = || fault(at, format!("its node names skin {skin}; there are {there}"));
-    document.skins.get(skin).map(|s| s.joints.len()).ok_or_else(told)
 }
 
 /// Adds an influence; the weights of a repeated joint are summed.

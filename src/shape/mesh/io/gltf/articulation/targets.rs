@@ -27,32 +27,32 @@ pub(in super::super) fn of_mesh(mesh: &Mesh, node: Option<&Node>, at: &str) -> R
     Ok((0..most).map(target).collect())
 }
 
-/// Adds the offsets of the vertices of a primitive, which start at `first`, to the targets. `turn` is the linear part of the
-/// node transform, `turn_normals` the transform of normals.
+/// Adds the offsets of the vertices of a primitive, which start at `first`, to the targets. `linear` is the linear part of
+/// the node transform, `of_normals` the transform of normals.
 pub(in super::super) fn add(
     input: &Input<'_>,
     targets: &mut [MorphTarget],
     primitive: &Primitive,
     (first, count): (usize, usize),
-    [turn, turn_normals]: [&Matrix3<f64>; 2],
+    [linear, of_normals]: [&Matrix3<f64>; 2],
     at: &str,
 ) -> Result<(), MeshError> {
     let with_normals = primitive.targets.iter().any(|target| target.contains_key("NORMAL"));
     for (k, (target, attributes)) in targets.iter_mut().zip(&primitive.targets).enumerate() {
         let at = format!("{at}/targets/{k}");
-        let read = |name: &str, turn: &Matrix3<f64>| -> Result<Option<Vec<Vector3<f64>>>, MeshError> {
+        let read = |name: &str, transform: &Matrix3<f64>| -> Result<Option<Vec<Vector3<f64>>>, MeshError> {
             let Some(&accessor) = attributes.get(name) else { return Ok(None) };
             let values = input.values(accessor, &["VEC3"])?;
             if values.len() != count {
                 return Err(fault(&at, format!("{name} has {} values for {count} vertices", values.len())));
             }
-            let rows = values.rows::<3>().map(|row| turn * Vector3::from(row)).collect::<Vec<_>>();
+            let rows = values.rows::<3>().map(|row| transform * Vector3::from(row)).collect::<Vec<_>>();
             if let Some(vertex) = rows.iter().position(|row| !row.iter().all(|x| x.is_finite())) {
                 return Err(fault(&at, format!("{name} of vertex {vertex} is not finite")));
             }
             Ok(Some(rows))
         };
-        let (offsets, normals) = (read("POSITION", turn)?, read("NORMAL", turn_normals)?);
+        let (offsets, normals) = (read("POSITION", linear)?, read("NORMAL", of_normals)?);
         for vertex in 0..count {
             let of = |rows: &Option<Vec<Vector3<f64>>>| rows.as_ref().map_or(Vector3::zeros(), |rows| rows[vertex]);
             let (offset, normal) = (of(&offsets), of(&normals));

@@ -66,7 +66,7 @@ fn of_instances(model: &Model, articulation: &Articulation) -> Vec<Part> {
     for (face, vertices) in model.faces().iter().enumerate() {
         parts[articulation.instance_of_vertex[vertices[0] as usize] as usize].faces.push(face);
     }
-    for vertex in unnamed(model) {
+    for vertex in model.mesh().referenced_and_isolated().1 {
         parts[articulation.instance_of_vertex[vertex as usize] as usize].loose.push(vertex);
     }
     parts
@@ -95,14 +95,15 @@ fn of_objects(model: &Model) -> Vec<Part> {
         instance: None,
         from_model,
     };
+    let (_, isolated) = model.mesh().referenced_and_isolated();
     if shared || objects.len() < 2 {
         let name = objects.keys().next().filter(|_| !shared).copied().unwrap_or_default();
-        return vec![part(name, (0..model.faces().len()).collect(), unnamed(model))];
+        return vec![part(name, (0..model.faces().len()).collect(), isolated)];
     }
     // One part per object; isolated vertices go to the first.
     let mut parts: Vec<_> = objects.into_iter().collect();
     parts.sort_by_key(|(_, (order, _))| *order);
-    let first = |order: usize| if order == 0 { unnamed(model) } else { Vec::new() };
+    let first = |order: usize| if order == 0 { isolated.clone() } else { Vec::new() };
     parts.into_iter().map(|(name, (order, faces))| part(name, faces, first(order))).collect()
 }
 
@@ -113,11 +114,4 @@ pub(super) fn origin(model: &Model) -> Vector3<f64> {
     let far = mesh.positions().iter().any(|p| p.coords.amax() > FAR * diagonal);
     let middle = mesh.bounding_box().map(|(low, high)| nalgebra::center(&low, &high).coords);
     middle.filter(|_| far && diagonal > 0.0).unwrap_or_else(Vector3::zeros)
-}
-
-/// Isolated vertices: referenced by no face.
-fn unnamed(model: &Model) -> Vec<u32> {
-    let mut named = vec![false; model.mesh().vertex_count()];
-    model.faces().vertices().iter().for_each(|&v| named[v as usize] = true);
-    (0..named.len()).filter(|&v| !named[v]).map(|v| v as u32).collect()
 }
