@@ -164,10 +164,22 @@ pub struct Deformation {
     pub report: DeformReport,
 }
 
+/// One call of a solver: the arguments of [`Deformer::deform`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Request<'a> {
+    pub(super) pose: &'a HandlePose,
+    pub(super) guess: InitialGuess<'a>,
+    pub(super) convergence: &'a Convergence,
+    pub(super) run: &'a Run,
+}
+
 /// The prefactored solver of a method.
 pub(super) trait DeformSolver: Send + std::fmt::Debug {
     /// The method.
     fn method(&self) -> Method;
+
+    /// Solves; the convergence criterion is in its range.
+    fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError>;
 
     /// As [`Deformer::deform`].
     fn deform(
@@ -176,7 +188,10 @@ pub(super) trait DeformSolver: Send + std::fmt::Debug {
         guess: InitialGuess<'_>,
         convergence: &Convergence,
         run: &Run,
-    ) -> Result<Deformation, SurfaceError>;
+    ) -> Result<Deformation, SurfaceError> {
+        convergence.check()?;
+        self.solve(&Request { pose, guess, convergence, run })
+    }
 }
 
 /// A method prefactored for a mesh and a set of handles, for any number of poses.
@@ -239,7 +254,7 @@ impl Deformer {
         material: &ShellMaterial<'_>,
         run: &Run,
     ) -> Result<Self, SurfaceError> {
-        Ok(Self { solver: Box::new(Primo::with_material(mesh, handles, options, material, run)?) })
+        Ok(Self { solver: Box::new(Primo::new(mesh, handles, options, material, run)?) })
     }
 
     /// The method.
@@ -314,6 +329,6 @@ pub(super) fn single_level(
         Method::GaussNewton => arap(CellKind::SpokesAndRims, Solver::GaussNewton),
         Method::Laplacian => Ok(Box::new(LaplacianEditing::new(mesh, handles, options, run)?)),
         Method::Poisson => Ok(Box::new(Poisson::new(mesh, handles, options, run)?)),
-        Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options, run)?)),
+        Method::Primo => Ok(Box::new(Primo::new(mesh, handles, options, &ShellMaterial::default(), run)?)),
     }
 }

@@ -18,13 +18,13 @@ use serde::{Deserialize, Serialize};
 
 use super::arap::{CellKind, Cells};
 use super::bound::Guess;
-use super::deformer::DeformSolver;
+use super::deformer::{DeformSolver, Request};
 use super::detail_preserving::DetailPreserving;
 use super::held_laplacian::HeldLaplacian;
 use super::lanes::Lanes;
 use super::similarity::SimilarityEditing;
 use super::spread::{Patches, overall_rotation};
-use super::{DeformOptions, Deformation, HandlePose, Handles, InitialGuess, Method, Stop, SurfaceError};
+use super::{DeformOptions, Deformation, Handles, Method, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents};
 use plumbline_num::energy::Convergence;
@@ -94,13 +94,11 @@ impl LaplacianEditing {
         Ok(Self { details, rotations, last: None })
     }
 
-    fn solve(
+    fn minimize(
         &mut self,
-        pose: &HandlePose,
+        &Request { pose, convergence, run, .. }: &Request<'_>,
         targets: &[Lanes],
         guess: Option<Vec<Lanes>>,
-        convergence: &Convergence,
-        run: &Run,
     ) -> Result<(Vec<Lanes>, Vec<f64>, Stop), Stopped> {
         let details = &mut self.details;
         let rest = details.bound.rest.clone();
@@ -153,23 +151,16 @@ impl DeformSolver for LaplacianEditing {
         Method::Laplacian
     }
 
-    fn deform(
-        &mut self,
-        pose: &HandlePose,
-        guess: InitialGuess<'_>,
-        convergence: &Convergence,
-        run: &Run,
-    ) -> Result<Deformation, SurfaceError> {
-        convergence.check()?;
-        let targets = self.details.bound.targets(pose)?;
-        let guess = match self.details.bound.guess(guess, self.last.take())? {
+    fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError> {
+        let targets = self.details.bound.targets(request.pose)?;
+        let guess = match self.details.bound.guess(request.guess, self.last.take())? {
             Guess::Own => None,
             Guess::Rest => Some(self.details.bound.rest.clone()),
             Guess::Last(x) | Guess::At(x) => Some(x),
         };
-        let (x, energies, stop) = self.solve(pose, &targets, guess, convergence, run)?;
+        let (x, energies, stop) = self.minimize(request, &targets, guess)?;
         let counts = (self.details.weights.negative(), self.details.degenerate);
-        let done = self.details.bound.done(&x, pose, energies, stop, counts);
+        let done = self.details.bound.done(&x, request.pose, energies, stop, counts);
         self.last = Some(x);
         Ok(done)
     }

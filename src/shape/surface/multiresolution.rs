@@ -15,7 +15,7 @@
 
 use nalgebra::Point3;
 
-use super::deformer::{DeformSolver, single_level};
+use super::deformer::{DeformSolver, Request, single_level};
 use super::hierarchy::{Hierarchy, LevelPose};
 use super::{
     Constraint, DeformOptions, Deformation, HandlePose, Handles, InitialGuess, Method, RotationEstimation, Solver,
@@ -105,14 +105,7 @@ impl DeformSolver for Multiresolution {
         self.fine.method()
     }
 
-    fn deform(
-        &mut self,
-        pose: &HandlePose,
-        guess: InitialGuess<'_>,
-        convergence: &Convergence,
-        run: &Run,
-    ) -> Result<Deformation, SurfaceError> {
-        convergence.check()?;
+    fn solve(&mut self, &Request { pose, guess, convergence, run }: &Request<'_>) -> Result<Deformation, SurfaceError> {
         let coarse = match guess {
             InitialGuess::Coarse => true,
             InitialGuess::Auto => self.pays_off(),

@@ -13,12 +13,11 @@
 
 use super::arap::{CellKind, Elastic};
 use super::bound::Bound;
-use super::deformer::DeformSolver;
+use super::deformer::{DeformSolver, Request};
 use super::spread::Patches;
-use super::{DeformOptions, Deformation, HandlePose, Handles, InitialGuess, Method, Stop, SurfaceError};
+use super::{DeformOptions, Deformation, Handles, Method, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
-use plumbline_num::energy::Convergence;
 use plumbline_num::run::Run;
 
 /// Poisson editing, prefactored for a mesh and handles.
@@ -48,13 +47,7 @@ impl DeformSolver for Poisson {
         Method::Poisson
     }
 
-    fn deform(
-        &mut self,
-        pose: &HandlePose,
-        _guess: InitialGuess<'_>,
-        _convergence: &Convergence,
-        run: &Run,
-    ) -> Result<Deformation, SurfaceError> {
+    fn solve(&mut self, &Request { pose, run, .. }: &Request<'_>) -> Result<Deformation, SurfaceError> {
         run.check()?;
         let targets = self.bound.targets(pose)?;
         let rotations = self.patches.rotations(&self.bound, &mut self.elastic.system, pose, &targets);

@@ -21,6 +21,7 @@ use super::smoothness::Smoothness;
 use crate::mesh::operators::Cotangents;
 use crate::surface::lanes::{self, Kernel, LANES, Lanes};
 use crate::surface::rotation_fit::{Covariances, Quaternions, fit, matrices, product};
+use plumbline_num::math::Lists;
 
 /// The edges with a common rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -292,37 +293,26 @@ fn element_cells(rest: &[Lanes], cotangents: &Cotangents) -> CellLists {
 
 fn vertex_cells(kind: CellKind, rest: &[Lanes], cotangents: &Cotangents) -> CellLists {
     let vertices = rest.len();
-    let triangles = || cotangents.triangles().iter().zip(cotangents.half());
     // Every triangle contributes two spokes per corner; those of the same edge are merged.
-    let mut starts = vec![0_u32; vertices + 1];
-    triangles().flat_map(|(v, _)| v).for_each(|&v| starts[v as usize + 1] += 2);
-    for v in 0..vertices {
-        starts[v + 1] += starts[v];
-    }
-    let mut next = starts.clone();
-    let mut all = vec![Spoke::default(); starts[vertices] as usize];
-    let mut put = |center: u32, c: [f64; 3], vertex: u32| {
-        all[next[center as usize] as usize] = Spoke { c, vertex };
-        next[center as usize] += 1;
-    };
-    for (v, h) in triangles() {
-        let g = corner_gradients(rest, v, h);
-        for i in 0..3 {
+    let of_triangle = |(v, h): (&[u32; 3], &[f64; 3])| {
+        let (v, h, g) = (*v, *h, corner_gradients(rest, v, h));
+        (0..3).flat_map(move |i| {
             let [j, k] = [(i + 1) % 3, (i + 2) % 3];
-            for (other, weight) in [(j, h[k]), (k, h[j])] {
+            [(j, h[k]), (k, h[j])].map(|(other, weight)| {
                 let c = match kind {
                     CellKind::Spokes => spoke(rest, v[i], v[other], weight),
                     _ => g[other].map(|g| g / 3.0),
                 };
-                put(v[i], c, v[other]);
-            }
-        }
-    }
-    let mut spokes = Vec::with_capacity(all.len() / 2 + vertices);
+                (v[i], Spoke { c, vertex: v[other] })
+            })
+        })
+    };
+    let mut all = Lists::new(vertices, cotangents.triangles().iter().zip(cotangents.half()).flat_map(of_triangle));
+    let mut spokes = Vec::with_capacity(all.items().len() / 2 + vertices);
     let mut merged_starts = Vec::with_capacity(vertices + 1);
     merged_starts.push(0);
     for i in 0..vertices {
-        let row = &mut all[starts[i] as usize..starts[i + 1] as usize];
+        let row = all.of_mut(i);
         row.sort_by_key(|s| s.vertex);
         for of_edge in row.chunk_by(|a, b| a.vertex == b.vertex).filter(|s| s[0].vertex as usize != i) {
             let c = of_edge.iter().fold([0.0; 3], |sum, s| std::array::from_fn(|k| sum[k] + s.c[k]));

@@ -35,10 +35,10 @@ use quasi_newton::Lbfgs;
 use smoothness::Smoothness;
 
 use super::bound::{Bound, Guess};
-use super::deformer::{DeformOptions, DeformSolver, Deformation, InitialGuess, Method, Solver};
+use super::deformer::{DeformOptions, DeformSolver, Deformation, Method, Request, Solver};
 use super::lanes::Lanes;
 use super::spread::Patches;
-use super::{HandlePose, Handles, Stop, SurfaceError};
+use super::{Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::energy::Convergence;
@@ -86,13 +86,8 @@ impl Arap {
     }
 
     /// The initial positions, with hard constraints at their targets.
-    fn initial(
-        &mut self,
-        pose: &HandlePose,
-        targets: &[Lanes],
-        guess: InitialGuess<'_>,
-    ) -> Result<Vec<Lanes>, SurfaceError> {
-        let guess = self.bound.guess(guess, self.last.take())?;
+    fn initial(&mut self, request: &Request<'_>, targets: &[Lanes]) -> Result<Vec<Lanes>, SurfaceError> {
+        let guess = self.bound.guess(request.guess, self.last.take())?;
         if let Guess::Rest | Guess::At(_) = guess {
             self.elastic.cells.reset();
         }
@@ -100,7 +95,7 @@ impl Arap {
             Guess::Last(x) | Guess::At(x) => x,
             Guess::Rest => self.bound.rest.clone(),
             Guess::Own => {
-                let rotations = self.patches.rotations(&self.bound, &mut self.elastic.system, pose, targets);
+                let rotations = self.patches.rotations(&self.bound, &mut self.elastic.system, request.pose, targets);
                 self.elastic.set_rotations(&rotations);
                 self.elastic.global_step(&self.bound, targets)
             }
@@ -147,22 +142,15 @@ impl DeformSolver for Arap {
         }
     }
 
-    fn deform(
-        &mut self,
-        pose: &HandlePose,
-        guess: InitialGuess<'_>,
-        convergence: &Convergence,
-        run: &Run,
-    ) -> Result<Deformation, SurfaceError> {
-        convergence.check()?;
-        let targets = self.bound.targets(pose)?;
-        let mut x = self.initial(pose, &targets, guess)?;
-        let (mut energies, stop) = self.minimize(&targets, &mut x, convergence, run)?;
+    fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError> {
+        let targets = self.bound.targets(request.pose)?;
+        let mut x = self.initial(request, &targets)?;
+        let (mut energies, stop) = self.minimize(&targets, &mut x, request.convergence, request.run)?;
         if let Some(last) = energies.last_mut() {
             *last = self.elastic.exact_energy(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
         }
         let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
-        let done = self.bound.done(&x, pose, energies, stop, counts);
+        let done = self.bound.done(&x, request.pose, energies, stop, counts);
         self.last = Some(x);
         Ok(done)
     }

@@ -15,57 +15,41 @@
 use nalgebra::Matrix3;
 
 use crate::mesh::operators::EdgeWeights;
+use plumbline_num::math::Lists;
 
 /// The coupling of the rotations of vertex cells.
 #[derive(Debug)]
 pub(in crate::surface) struct Smoothness {
-    starts: Vec<u32>,
-    neighbors: Vec<(u32, f64)>,
+    /// Neighbors of each cell, with their coupling `k`.
+    neighbors: Lists<(u32, f64)>,
 }
 
 impl Smoothness {
     /// Couplings `strength · |w_ij|`; `strength = α A` in squared mesh units.
     pub(super) fn new(weights: &EdgeWeights, strength: f64) -> Self {
-        let mut starts = vec![0_u32; weights.vertex_count() + 1];
-        for &[i, j] in weights.edges() {
-            starts[i as usize + 1] += 1;
-            starts[j as usize + 1] += 1;
-        }
-        for v in 0..weights.vertex_count() {
-            starts[v + 1] += starts[v];
-        }
-        let mut next = starts.clone();
-        let mut neighbors = vec![(0, 0.0); starts[weights.vertex_count()] as usize];
-        for (i, j, w) in weights.iter() {
-            for (from, to) in [(i, j), (j, i)] {
-                neighbors[next[from] as usize] = (to as u32, strength * w.abs());
-                next[from] += 1;
-            }
-        }
-        Self { starts, neighbors }
+        let both = weights.iter().flat_map(|(i, j, w)| {
+            let (i, j, k) = (i as u32, j as u32, strength * w.abs());
+            [(i, (j, k)), (j, (i, k))]
+        });
+        Self { neighbors: Lists::new(weights.vertex_count(), both) }
     }
 
     /// Number of cells.
     pub(super) fn len(&self) -> usize {
-        self.starts.len() - 1
-    }
-
-    fn of(&self, cell: usize) -> &[(u32, f64)] {
-        &self.neighbors[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+        self.neighbors.len()
     }
 
     /// `Σⱼ k_ij (Rⱼ + Rᵢ)`.
     pub(super) fn coupling(&self, cell: usize, rotations: &[Matrix3<f64>]) -> Matrix3<f64> {
         let own = rotations[cell];
-        self.of(cell).iter().fold(Matrix3::zeros(), |sum, &(j, k)| sum + (rotations[j as usize] + own) * k)
+        self.neighbors.of(cell).iter().fold(Matrix3::zeros(), |sum, &(j, k)| sum + (rotations[j as usize] + own) * k)
     }
 
     /// `Σ_ij k_ij |Rᵢ − Rⱼ|²`, each pair once.
     pub(super) fn energy(&self, rotations: &[Matrix3<f64>]) -> f64 {
         let of_cell = |cell: usize| {
-            let terms =
-                self.of(cell).iter().map(|&(j, k)| k * (rotations[j as usize] - rotations[cell]).norm_squared());
-            terms.sum::<f64>()
+            let neighbors = self.neighbors.of(cell).iter();
+            neighbors.map(|&(j, k)| k * (rotations[j as usize] - rotations[cell]).norm_squared()).sum::<f64>()
         };
         0.5 * (0..self.len()).map(of_cell).sum::<f64>()
     }

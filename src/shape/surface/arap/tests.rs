@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::super::test_meshes::{placed, sheet, tube};
-use super::super::{Constraint, Deformer};
+use super::super::{Constraint, Deformer, HandlePose, InitialGuess};
 use super::*;
 use crate::mesh::operators::{CotangentRule, EdgeWeights};
 use plumbline_num::options::OptionError;
@@ -81,9 +81,10 @@ fn the_energy_never_increases_and_equals_its_definition_edge_by_edge() {
             let options = DeformOptions { solver, bending, ..Default::default() };
             let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
             let targets = arap.bound.targets(&pose).unwrap();
-            let mut x = arap.initial(&pose, &targets, start).unwrap();
-            let (energies, _) =
-                arap.minimize(&targets, &mut x, &tight(60), &Run::default()).expect("a run that never stops");
+            let (convergence, run) = (tight(60), Run::default());
+            let request = Request { pose: &pose, guess: start, convergence: &convergence, run: &run };
+            let mut x = arap.initial(&request, &targets).unwrap();
+            let (energies, _) = arap.minimize(&targets, &mut x, &convergence, &run).expect("a run that never stops");
             for pair in energies.windows(2) {
                 assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{kind:?} {solver:?} {pair:?}");
             }

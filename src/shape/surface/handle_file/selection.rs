@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use serde::Deserialize;
 
 use super::HandleFileError;
 use super::document::rejected;
 use crate::mesh::VertexRef;
+use crate::mesh::region::{Ball, HalfSpace};
 
 /// Vertices: the name of a set, or a description.
 #[derive(Clone, Debug, Deserialize)]
@@ -59,28 +60,6 @@ pub(super) struct Corners {
     low: [f64; 3],
     /// Highest coordinates.
     high: [f64; 3],
-}
-
-/// A ball.
-#[derive(Clone, Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub(super) struct Ball {
-    /// Center.
-    center: [f64; 3],
-    /// Radius, above 0.
-    radius: f64,
-}
-
-/// One side of a plane.
-#[derive(Clone, Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub(super) struct HalfSpace {
-    /// A point of the plane.
-    point: [f64; 3],
-    /// Normal of the plane, towards the selected side.
-    normal: [f64; 3],
 }
 
 impl Selection {
@@ -193,19 +172,22 @@ impl<'a> Selector<'a> {
                 }
                 of_all(&|p| (0..3).all(|k| (low[k]..=high[k]).contains(&p[k])))
             }
-            Description::Sphere(Ball { center, radius }) => {
-                if !(*radius > 0.0) {
-                    return Err(rejected(context, "radius", radius, "above 0"));
+            Description::Sphere(ball) => {
+                if !(ball.radius > 0.0) {
+                    return Err(rejected(context, "radius", ball.radius, "above 0"));
                 }
-                let center = Point3::from(*center);
-                of_all(&|p| nalgebra::distance(p, &center) <= *radius)
+                of_all(&|p| ball.contains(p))
             }
-            Description::HalfSpace(HalfSpace { point, normal }) => {
-                let (point, direction) = (Point3::from(*point), Vector3::from(*normal));
-                if direction == Vector3::zeros() {
-                    return Err(rejected(context, "normal", format!("{normal:?}"), "a direction: not all zeros"));
+            Description::HalfSpace(side) => {
+                if side.normal == [0.0; 3] {
+                    return Err(rejected(
+                        context,
+                        "normal",
+                        format!("{:?}", side.normal),
+                        "a direction: not all zeros",
+                    ));
                 }
-                of_all(&|p| (p - point).dot(&direction) >= 0.0)
+                of_all(&|p| side.contains(p))
             }
             Description::Nearest(points) => self.mask_of(points.iter().filter_map(|p| self.nearest(p)).map(Ok)),
             Description::Union(parts) => self.joined(parts, context, within, false),

@@ -144,7 +144,7 @@ impl Hierarchy {
         }
         step.kept = remaining.iter().map(|&v| number[v as usize]).collect();
         self.steps.push(step);
-        self.meshes.push(compact(mesh, &remaining, collapser));
+        self.meshes.push(mesh.restricted(&remaining, collapser.triangles()));
         self.vertices.push(remaining);
         Ok(true)
     }
@@ -304,17 +304,6 @@ fn mean_value(e: &Vector3<f64>, f: &Vector3<f64>, floor: f64) -> [f64; 2] {
     let tangent = e.cross(f).norm() / (of_e * of_f + e.dot(f)).max(1e-6 * of_e * of_f);
     let weights = [tangent / of_e, tangent / of_f];
     if weights.iter().all(|w| w.is_finite()) { weights } else { [0.0; 2] }
-}
-
-/// The mesh of the remaining vertices, renumbered.
-fn compact(mesh: &TriMesh, remaining: &[u32], collapser: &Collapser<'_>) -> TriMesh {
-    let mut number = vec![0; mesh.vertex_count()];
-    for (i, &v) in remaining.iter().enumerate() {
-        number[v as usize] = i as u32;
-    }
-    let triangles = collapser.triangles().map(|t| t.map(|v| number[v as usize])).collect();
-    let positions = remaining.iter().map(|&v| mesh.positions()[v as usize]).collect();
-    TriMesh::new(positions, triangles).expect("positions of a mesh, and triangles between remaining vertices")
 }
 
 #[cfg(test)]

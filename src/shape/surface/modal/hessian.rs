@@ -17,6 +17,7 @@ use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
+use plumbline_num::math::Lists;
 use plumbline_num::sparse::{Pattern, SparseError, SparseMatrix};
 use plumbline_num::spatial::numbered_components;
 
@@ -76,15 +77,11 @@ fn add(h: &mut SparseMatrix, a: u32, b: u32, block: &Matrix3<f64>) {
 }
 
 fn cells(mesh: &TriMesh, cotangents: &Cotangents) -> Vec<Cell> {
-    let mut around = vec![Vec::new(); mesh.vertex_count()];
-    for (t, corners) in cotangents.triangles().iter().enumerate() {
-        for &v in corners {
-            around[v as usize].push(t as u32);
-        }
-    }
+    let corners = (0..).zip(cotangents.triangles()).flat_map(|(t, corners)| corners.map(|v| (v, t)));
+    let around = Lists::new(mesh.vertex_count(), corners);
     let edges: Vec<_> = cotangents.edges().collect();
     let position = |v: u32| mesh.positions()[v as usize];
-    let cell = |triangles: &Vec<u32>| {
+    let cell = |triangles: &[u32]| {
         let of_cell = || triangles.iter().flat_map(|&t| edges[t as usize]);
         let mut vertices: Vec<u32> = of_cell().map(|(a, _, _)| a).collect();
         vertices.sort_unstable();

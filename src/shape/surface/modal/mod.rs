@@ -77,7 +77,8 @@ pub struct Modes {
 pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) -> Result<Modes, SurfaceError> {
     let tolerance = options.tolerance;
     OptionError::check(tolerance > 0.0 && tolerance < 1.0, "tolerance", tolerance, "above 0 and below 1")?;
-    let (used, vertices) = referenced(mesh);
+    let (vertices, _) = mesh.referenced_and_isolated();
+    let used = mesh.restricted(&vertices, mesh.triangles().iter().copied());
     if used.triangle_count() == 0 {
         return Ok(Modes { values: vec![], vectors: vec![], residuals: vec![], rigid: 0, converged: true });
     }
@@ -113,17 +114,6 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) ->
         rigid: found.known,
         converged: found.converged,
     })
-}
-
-/// The mesh without unreferenced vertices, and the vertices that remain.
-fn referenced(mesh: &TriMesh) -> (TriMesh, Vec<u32>) {
-    let mut number = vec![u32::MAX; mesh.vertex_count()];
-    mesh.triangles().iter().flatten().for_each(|&v| number[v as usize] = 0);
-    let vertices: Vec<u32> = (0..number.len() as u32).filter(|&v| number[v as usize] == 0).collect();
-    vertices.iter().zip(0..).for_each(|(&v, k)| number[v as usize] = k);
-    let triangles = mesh.triangles().iter().map(|t| t.map(|v| number[v as usize])).collect();
-    let positions = vertices.iter().map(|&v| mesh.positions()[v as usize]).collect();
-    (TriMesh::new(positions, triangles).expect("part of a mesh"), vertices)
 }
 
 /// Vertex areas, one entry per coordinate.

@@ -20,6 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::Modes;
 use crate::mesh::operators::barycentric_areas;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
+use plumbline_num::math::Lists;
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::numbered_components;
 
@@ -137,9 +138,7 @@ impl<'a> Field<'a> {
     }
 
     fn motions(&self, part: &[u32], count: usize) -> Vec<Motion> {
-        let mut members = vec![Vec::new(); count];
-        part.iter().zip(0_u32..).for_each(|(&p, v)| members[p as usize].push(v));
-        members.iter().map(|of| self.motion(of)).collect()
+        Lists::new(count, part.iter().copied().zip(0..)).iter().map(|members| self.motion(members)).collect()
     }
 
     /// The least-squares rigid velocities of a set of vertices.

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use super::shell::Shell;
+use plumbline_num::math::Lists;
 
 /// Cluster of fixed bodies.
 pub(super) const FIXED: u32 = u32::MAX;
@@ -18,47 +19,17 @@ pub(super) struct Clusters {
     pub(super) of_body: Vec<u32>,
     /// Number of clusters.
     pub(super) count: usize,
-    leaving: Lists,
-    members: Lists,
-}
-
-/// Lists of numbers, one per cluster.
-#[derive(Clone, Debug, PartialEq)]
-struct Lists {
-    /// Where each starts; one entry more than there are lists.
-    starts: Vec<u32>,
-    entries: Vec<u32>,
-}
-
-impl Lists {
-    /// Lists of the second of each pair, by the first.
-    fn new(lists: usize, mut pairs: Vec<(u32, u32)>) -> Self {
-        pairs.sort_unstable();
-        let mut starts = vec![0; lists + 1];
-        for &(c, _) in &pairs {
-            starts[c as usize + 1] += 1;
-        }
-        for c in 0..lists {
-            starts[c + 1] += starts[c];
-        }
-        Self { starts, entries: pairs.into_iter().map(|(_, k)| k).collect() }
-    }
-
-    fn of(&self, list: usize) -> &[u32] {
-        &self.entries[self.starts[list] as usize..self.starts[list + 1] as usize]
-    }
+    leaving: Lists<u32>,
+    members: Lists<u32>,
 }
 
 impl Clusters {
     fn new(shell: &Shell, of_body: Vec<u32>, count: usize) -> Self {
-        let mut leaving: Vec<(u32, u32)> = Vec::new();
-        for (k, joint) in shell.joints.iter().enumerate() {
+        let leaving = (0..).zip(&shell.joints).flat_map(|(k, joint)| {
             let [a, b] = joint.bodies.map(|i| of_body[i as usize]);
-            if a != b {
-                leaving.extend([a, b].into_iter().filter(|&c| c != FIXED).map(|c| (c, k as u32)));
-            }
-        }
-        let members = of_body.iter().zip(0..).filter(|&(&c, _)| c != FIXED).map(|(&c, b)| (c, b)).collect();
+            [a, b].into_iter().filter(move |&c| a != b && c != FIXED).map(move |c| (c, k))
+        });
+        let members = of_body.iter().copied().zip(0..).filter(|&(c, _)| c != FIXED);
         Self { leaving: Lists::new(count, leaving), members: Lists::new(count, members), of_body, count }
     }
 
@@ -135,13 +106,7 @@ fn connections(shell: &Shell, of_body: &[u32]) -> Vec<(u32, u32, f64)> {
 
 /// Indices of the merged clusters. Small clusters are matched first; one without an unmatched neighbor joins a matched one.
 fn merge_pairs(connections: &[(u32, u32, f64)], sizes: &[f64]) -> Vec<u32> {
-    let mut starts = vec![0_usize; sizes.len() + 1];
-    for connection in connections {
-        starts[connection.0 as usize + 1] += 1;
-    }
-    for c in 0..sizes.len() {
-        starts[c + 1] += starts[c];
-    }
+    let of_cluster = Lists::new(sizes.len(), connections.iter().map(|&(c, other, weight)| (c, (other, weight))));
     let mut order: Vec<u32> = (0..sizes.len() as u32).collect();
     order.sort_by(|&a, &b| sizes[a as usize].total_cmp(&sizes[b as usize]));
     let (mut merged, mut next) = (vec![FIXED; sizes.len()], 0);
@@ -149,11 +114,10 @@ fn merge_pairs(connections: &[(u32, u32, f64)], sizes: &[f64]) -> Vec<u32> {
         if merged[c] != FIXED {
             continue;
         }
-        let strength = |&&(_, other, weight): &&(u32, u32, f64)| weight / (sizes[c] + sizes[other as usize]);
-        let of = &connections[starts[c]..starts[c + 1]];
+        let strength = |&&(other, weight): &&(u32, f64)| weight / (sizes[c] + sizes[other as usize]);
         let strongest = |taken: bool| {
-            let open = of.iter().filter(|c| (merged[c.1 as usize] != FIXED) == taken);
-            open.max_by(|a, b| strength(a).total_cmp(&strength(b))).map(|c| c.1 as usize)
+            let open = of_cluster.of(c).iter().filter(|c| (merged[c.0 as usize] != FIXED) == taken);
+            open.max_by(|a, b| strength(a).total_cmp(&strength(b))).map(|c| c.0 as usize)
         };
         match (strongest(false), strongest(true)) {
             (Some(other), _) => {

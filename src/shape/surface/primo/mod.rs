@@ -29,15 +29,14 @@ mod solver;
 mod sweep;
 
 use crate::mesh::TriMesh;
-use plumbline_num::energy::Convergence;
 use plumbline_num::run::Run;
 
 use super::bound::{Bound, Guess};
-use super::deformer::DeformSolver;
-use super::{Constraint, DeformOptions, Deformation, HandlePose, Handles, InitialGuess, Method, Stop, SurfaceError};
+use super::deformer::{DeformSolver, Request};
+use super::{DeformOptions, Deformation, HandlePose, Handles, InitialGuess, Method, Stop, SurfaceError};
 use plumbline_num::options::OptionError;
 use shell::BodyPose;
-use solver::{Anchor, Solver, Target};
+use solver::Solver;
 
 /// Total spring weight of a hard constraint, relative to about 1 for edges: the error of a prism is a thousandth of the force of
 /// its neighbors. Stiffer springs slow down local shape matching.
@@ -89,28 +88,15 @@ pub(super) struct Primo {
 }
 
 impl Primo {
-    /// Builds the prisms of a uniform shell.
+    /// Builds the prisms of a shell.
     ///
     /// # Errors
     /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unconstrained`], [`SurfaceError::Option`],
-    /// [`SurfaceError::Interrupted`].
-    pub(super) fn new(
-        mesh: &TriMesh,
-        handles: &Handles,
-        options: &DeformOptions,
-        run: &Run,
-    ) -> Result<Self, SurfaceError> {
-        Self::with_material(mesh, handles, options, &ShellMaterial::default(), run)
-    }
-
-    /// Builds the prisms of a shell with a given material.
-    ///
-    /// # Errors
-    /// As [`Self::new`]; [`SurfaceError::Option`] for a stiffness that is not positive, or a direction that is not finite.
+    /// also for a stiffness that is not positive, or a direction that is not finite, [`SurfaceError::Interrupted`].
     ///
     /// # Panics
     /// If a list of the material does not have one entry per triangle.
-    pub(super) fn with_material(
+    pub(super) fn new(
         mesh: &TriMesh,
         handles: &Handles,
         options: &DeformOptions,
@@ -138,26 +124,21 @@ impl Primo {
         assert!(lists.into_iter().flatten().all(|n| n == triangles), "one entry per triangle");
         run.check()?;
         let bound = Bound::new(mesh, handles, options)?;
-        let anchor = |(&vertex, constraint): (&u32, &Constraint)| {
-            let soft = if let Constraint::Soft(weight) = *constraint { Some(weight) } else { None };
-            Anchor { vertex, soft }
-        };
-        let anchors = handles.vertices().iter().zip(handles.constraints()).map(anchor).collect();
-        let solver = Solver::new(mesh, anchors, &bound.unconstrained(), &options.primo, material);
+        let solver = Solver::new(mesh, handles, &bound.unconstrained(), &options.primo, material);
         run.check()?;
         Ok(Self { bound, solver, last: None })
     }
 
     /// The initial poses: the candidate with the least energy.
-    fn initial(&mut self, targets: &[Target], guess: InitialGuess<'_>) -> Result<Vec<BodyPose>, SurfaceError> {
+    fn initial(&mut self, pose: &HandlePose, guess: InitialGuess<'_>) -> Result<Vec<BodyPose>, SurfaceError> {
         let solver = &self.solver;
         let candidates = match self.bound.guess(guess, self.last.take())? {
             Guess::Last(last) => vec![last],
             Guess::Rest => vec![solver.shell.rest()],
             Guess::At(positions) => vec![solver.fitted(&positions)],
-            Guess::Own => vec![solver.shell.rest(), solver.rigidly_moved(targets)],
+            Guess::Own => vec![solver.shell.rest(), solver.rigidly_moved(pose)],
         };
-        Ok(solver.best_of(candidates, targets))
+        Ok(solver.best_of(candidates, pose))
     }
 }
 
@@ -166,22 +147,11 @@ impl DeformSolver for Primo {
         Method::Primo
     }
 
-    fn deform(
-        &mut self,
-        pose: &HandlePose,
-        guess: InitialGuess<'_>,
-        convergence: &Convergence,
-        run: &Run,
-    ) -> Result<Deformation, SurfaceError> {
-        convergence.check()?;
+    fn solve(&mut self, &Request { pose, guess, convergence, run }: &Request<'_>) -> Result<Deformation, SurfaceError> {
         pose.check(&self.bound.held.handles)?;
-        let rotations = pose.rotations();
-        let rotation = |k: usize| rotations.map(|rotations| rotations[k].to_rotation_matrix().into_inner());
-        let target = |(k, &position)| Target { position, rotation: rotation(k) };
-        let targets: Vec<Target> = pose.positions().iter().enumerate().map(target).collect();
-        let initial = self.initial(&targets, guess)?;
+        let initial = self.initial(pose, guess)?;
         let found = self.solver.minimize(initial, convergence, run)?;
-        let positions = self.solver.positions(&found.poses, &targets);
+        let positions = self.solver.positions(&found.poses, pose);
         let stop = if found.converged { Stop::Converged } else { Stop::IterationLimit };
         let counts = (0, self.solver.degenerate);
         self.last = Some(found.poses);

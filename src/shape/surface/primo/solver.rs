@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::super::lanes::Lanes;
+use super::super::{Constraint, HandlePose, Handles};
 use super::clusters::{self, Clusters};
 use super::global::Global;
 use super::prisms::{mean_edge, prisms};
@@ -27,29 +28,13 @@ const NEWTON_THRESHOLD: f64 = 0.2;
 /// Sweeps of local shape matching after each step on a level; they smooth the error within its clusters.
 const SWEEPS: usize = 3;
 
-/// A constrained vertex.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Anchor {
-    pub(super) vertex: u32,
-    /// Weight of a soft constraint, `None` for a hard one.
-    pub(super) soft: Option<f64>,
-}
-
-/// The target of an anchor.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Target {
-    pub(super) position: Point3<f64>,
-    /// Rotation of the surface there, if known.
-    pub(super) rotation: Option<Matrix3<f64>>,
-}
-
-/// A fixed body, posed by its anchors.
+/// A fixed body, posed by its handles.
 #[derive(Clone, Copy, Debug)]
 enum FixedBody {
-    /// A triangle of anchors (their indices).
-    Triangle { body: u32, anchors: [u32; 3] },
-    /// The fixed end of the springs of an anchor.
-    Point { body: u32, anchor: u32 },
+    /// A triangle of handles (their indices).
+    Triangle { body: u32, handles: [u32; 3] },
+    /// The fixed end of the springs of a handle.
+    Point { body: u32, handle: u32 },
 }
 
 /// The result of a minimization.
@@ -64,7 +49,7 @@ pub(super) struct Minimized {
 pub(super) struct Solver {
     rest: TriMesh,
     origin: Vector3<f64>,
-    anchors: Vec<Anchor>,
+    handles: Handles,
     fixed_bodies: Vec<FixedBody>,
     pub(super) shell: Shell,
     pub(super) levels: Vec<Clusters>,
@@ -78,7 +63,7 @@ impl Solver {
     /// `unconstrained`: whether each vertex is in a component without a handle.
     pub(super) fn new(
         mesh: &TriMesh,
-        anchors: Vec<Anchor>,
+        handles: &Handles,
         unconstrained: &[bool],
         options: &PrimoOptions,
         material: &ShellMaterial<'_>,
@@ -88,7 +73,7 @@ impl Solver {
         let rest = rest.expect("finite positions minus their center");
         let mut shell = prisms(&rest, options.thickness * mean_edge(&rest), material);
         let degenerate = Cotangents::new(&rest, CotangentRule::Raw).degenerate();
-        let fixed_bodies = fix_bodies(&mut shell, &rest, &anchors, unconstrained);
+        let fixed_bodies = fix_bodies(&mut shell, &rest, handles, unconstrained);
         let free = &shell.free;
         shell.joints.retain(|joint| joint.weight > 0.0 && joint.bodies.iter().any(|&b| free[b as usize]));
         let levels = clusters::levels(&shell, material.rigid, MIN_CLUSTERS);
@@ -96,7 +81,7 @@ impl Solver {
         Self {
             rest,
             origin,
-            anchors,
+            handles: handles.clone(),
             fixed_bodies,
             shell,
             levels,
@@ -107,18 +92,18 @@ impl Solver {
     }
 
     /// The candidate with the least energy, after the fixed bodies are at their targets.
-    pub(super) fn best_of(&self, mut candidates: Vec<Vec<BodyPose>>, targets: &[Target]) -> Vec<BodyPose> {
+    pub(super) fn best_of(&self, mut candidates: Vec<Vec<BodyPose>>, pose: &HandlePose) -> Vec<BodyPose> {
         for poses in &mut candidates {
-            self.place_fixed(targets, poses);
+            self.place_fixed(pose, poses);
         }
         let energy = |poses: &Vec<BodyPose>| self.shell.energy(poses);
         candidates.into_iter().min_by(|a, b| energy(a).total_cmp(&energy(b))).expect("one candidate at least")
     }
 
     /// All bodies moved by the best rigid motion to the targets.
-    pub(super) fn rigidly_moved(&self, targets: &[Target]) -> Vec<BodyPose> {
-        let from: Vec<_> = self.anchors.iter().map(|a| self.rest.positions()[a.vertex as usize].coords).collect();
-        let to: Vec<_> = targets.iter().map(|w| w.position.coords - self.origin).collect();
+    pub(super) fn rigidly_moved(&self, pose: &HandlePose) -> Vec<BodyPose> {
+        let from: Vec<_> = self.handles.vertices().iter().map(|&v| self.rest.positions()[v as usize].coords).collect();
+        let to: Vec<_> = pose.positions().iter().map(|p| p.coords - self.origin).collect();
         let whole = Shell::fit(&Vector3::zeros(), &from, &to);
         let moved = |c: &Vector3<f64>| BodyPose { rotation: whole.rotation, at: whole.at + whole.rotation * c };
         self.shell.centers.iter().map(moved).collect()
@@ -142,21 +127,21 @@ impl Solver {
     }
 
     /// Sets the fixed bodies to their targets, those of unconstrained components to their rest poses.
-    fn place_fixed(&self, targets: &[Target], poses: &mut [BodyPose]) {
+    fn place_fixed(&self, handle_pose: &HandlePose, poses: &mut [BodyPose]) {
+        let target = |handle: u32| handle_pose.positions()[handle as usize].coords - self.origin;
+        let rest = |handle: u32| self.rest.positions()[self.handles.vertices()[handle as usize] as usize].coords;
         for (body, _) in self.shell.free.iter().enumerate().filter(|(_, free)| !**free) {
             poses[body] = BodyPose { rotation: Matrix3::identity(), at: self.shell.centers[body] };
         }
         for fixed in &self.fixed_bodies {
             match *fixed {
-                FixedBody::Point { body, anchor } => {
-                    poses[body as usize].at = targets[anchor as usize].position.coords - self.origin;
-                }
-                FixedBody::Triangle { body, anchors } => {
-                    let of = anchors.map(|a| targets[a as usize]);
-                    let from = anchors.map(|a| self.rest.positions()[self.anchors[a as usize].vertex as usize].coords);
-                    let to = of.map(|target| target.position.coords - self.origin);
-                    let mut pose = Shell::fit(&self.shell.centers[body as usize], &from, &to);
-                    if let [Some(a), Some(b), Some(c)] = of.map(|target| target.rotation) {
+                FixedBody::Point { body, handle } => poses[body as usize].at = target(handle),
+                FixedBody::Triangle { body, handles } => {
+                    let center = &self.shell.centers[body as usize];
+                    let mut pose = Shell::fit(center, &handles.map(rest), &handles.map(target));
+                    if let Some(rotations) = handle_pose.rotations() {
+                        let matrix = |h: u32| rotations[h as usize].to_rotation_matrix().into_inner();
+                        let [a, b, c] = handles.map(matrix);
                         pose.rotation = nearest_rotation(&(a + b + c));
                     }
                     poses[body as usize] = pose;
@@ -242,7 +227,7 @@ impl Solver {
 
     /// Positions of the vertices: the mean over the prisms around each, targets for hard constraints, rest positions for vertices of
     /// no triangle.
-    pub(super) fn positions(&self, poses: &[BodyPose], targets: &[Target]) -> Vec<Point3<f64>> {
+    pub(super) fn positions(&self, poses: &[BodyPose], pose: &HandlePose) -> Vec<Point3<f64>> {
         let mut sums = vec![(Vector3::zeros(), 0.0); self.rest.vertex_count()];
         for (t, corners) in self.rest.triangles().iter().enumerate() {
             for &v in corners {
@@ -255,10 +240,9 @@ impl Solver {
             Point3::from(if count > 0.0 { sum / count } else { rest.coords } + self.origin)
         };
         let mut positions: Vec<_> = sums.iter().zip(self.rest.positions()).map(mean).collect();
-        for (anchor, target) in self.anchors.iter().zip(targets) {
-            if anchor.soft.is_none() {
-                positions[anchor.vertex as usize] = target.position;
-            }
+        let handles = self.handles.vertices().iter().zip(self.handles.constraints()).zip(pose.positions());
+        for ((&vertex, _), target) in handles.filter(|((_, constraint), _)| **constraint == Constraint::Hard) {
+            positions[vertex as usize] = *target;
         }
         positions
     }
@@ -270,20 +254,18 @@ impl Minimized {
     }
 }
 
-/// Fixes the prisms with three hard constraints and those of unconstrained components, and adds springs for the other anchors.
-fn fix_bodies(shell: &mut Shell, rest: &TriMesh, anchors: &[Anchor], unconstrained: &[bool]) -> Vec<FixedBody> {
-    let mut anchor_of = vec![u32::MAX; rest.vertex_count()];
-    for (k, anchor) in anchors.iter().enumerate() {
-        anchor_of[anchor.vertex as usize] = k as u32;
-    }
-    let exact = |k: u32| anchors.get(k as usize).is_some_and(|a| a.soft.is_none());
-    let (mut fixed_bodies, mut carried) = (Vec::new(), vec![false; anchors.len()]);
-    let mut around = vec![Vec::new(); anchors.len()];
+/// Fixes the prisms with three hard constraints and those of unconstrained components, and adds springs for the other handles.
+fn fix_bodies(shell: &mut Shell, rest: &TriMesh, handles: &Handles, unconstrained: &[bool]) -> Vec<FixedBody> {
+    let mut handle_of = vec![u32::MAX; rest.vertex_count()];
+    handles.vertices().iter().zip(0..).for_each(|(&v, k)| handle_of[v as usize] = k);
+    let exact = |k: u32| handles.constraints().get(k as usize) == Some(&Constraint::Hard);
+    let (mut fixed_bodies, mut carried) = (Vec::new(), vec![false; handles.len()]);
+    let mut around = vec![Vec::new(); handles.len()];
     for (t, corners) in rest.triangles().iter().enumerate() {
-        let of_corners = corners.map(|v| anchor_of[v as usize]);
+        let of_corners = corners.map(|v| handle_of[v as usize]);
         if of_corners.iter().all(|&k| exact(k)) {
             shell.free[t] = false;
-            fixed_bodies.push(FixedBody::Triangle { body: t as u32, anchors: of_corners });
+            fixed_bodies.push(FixedBody::Triangle { body: t as u32, handles: of_corners });
             for k in of_corners {
                 carried[k as usize] = true;
             }
@@ -293,12 +275,16 @@ fn fix_bodies(shell: &mut Shell, rest: &TriMesh, anchors: &[Anchor], unconstrain
             of_corners.iter().filter(|&&k| k != u32::MAX).for_each(|&k| around[k as usize].push(t as u32));
         }
     }
-    for (k, anchor) in anchors.iter().enumerate().filter(|&(k, _)| !carried[k]) {
-        let (body, position) = (shell.centers.len() as u32, rest.positions()[anchor.vertex as usize].coords);
+    for (k, &vertex) in handles.vertices().iter().enumerate().filter(|&(k, _)| !carried[k]) {
+        let (body, position) = (shell.centers.len() as u32, rest.positions()[vertex as usize].coords);
         shell.centers.push(position);
         shell.free.push(false);
-        fixed_bodies.push(FixedBody::Point { body, anchor: k as u32 });
-        let weight = anchor.soft.unwrap_or(HARD_SPRING_WEIGHT) / around[k].len().max(1) as f64;
+        fixed_bodies.push(FixedBody::Point { body, handle: k as u32 });
+        let total = match handles.constraints()[k] {
+            Constraint::Hard => HARD_SPRING_WEIGHT,
+            Constraint::Soft(weight) => weight,
+        };
+        let weight = total / around[k].len().max(1) as f64;
         shell.joints.extend(around[k].iter().map(|&t| Joint::spring([t, body], weight, position)));
     }
     fixed_bodies

@@ -4,10 +4,11 @@ use super::clusters::{self, FIXED};
 use super::global::Global;
 use super::prisms::{mean_edge, prisms};
 use super::shell::{BodyPose, Shell};
-use super::solver::{Anchor, Minimized, Solver, Target};
+use super::solver::{Minimized, Solver};
 use super::sweep::sweep;
 use super::*;
 use crate::mesh::TriMesh;
+use crate::surface::Constraint;
 use plumbline_num::energy::Convergence;
 use plumbline_num::run::Run;
 
@@ -38,25 +39,24 @@ fn shaken(shell: &Shell, seed: u64) -> Vec<BodyPose> {
     shell.centers.iter().map(shake).collect()
 }
 
-fn anchors_at(mesh: &TriMesh, ends: impl Fn(&Point3<f64>) -> bool) -> Vec<Anchor> {
+fn handles_at(mesh: &TriMesh, ends: impl Fn(&Point3<f64>) -> bool) -> Handles {
     let numbered = mesh.positions().iter().zip(0..);
-    numbered.filter(|(p, _)| ends(p)).map(|(_, vertex)| Anchor { vertex, soft: None }).collect()
+    Handles::exact(numbered.filter(|(p, _)| ends(p)).map(|(_, vertex)| vertex)).expect("a sound case")
 }
 
-fn targets(mesh: &TriMesh, anchors: &[Anchor], motion: impl Fn(&Point3<f64>) -> Point3<f64>) -> Vec<Target> {
-    let target = |a: &Anchor| Target { position: motion(&mesh.positions()[a.vertex as usize]), rotation: None };
-    anchors.iter().map(target).collect()
+fn pose(mesh: &TriMesh, handles: &Handles, motion: impl Fn(&Point3<f64>) -> Point3<f64>) -> HandlePose {
+    HandlePose::new(handles.vertices().iter().map(|&v| motion(&mesh.positions()[v as usize])).collect())
 }
 
 fn solve(
     mesh: &TriMesh,
-    anchors: &[Anchor],
+    handles: &Handles,
     options: &PrimoOptions,
     motion: impl Fn(&Point3<f64>) -> Point3<f64>,
 ) -> (Minimized, Vec<Point3<f64>>) {
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(mesh, anchors.to_vec(), &still, options, &ShellMaterial::default());
-    let targets = targets(mesh, anchors, motion);
+    let mut solver = Solver::new(mesh, handles, &still, options, &ShellMaterial::default());
+    let targets = pose(mesh, handles, motion);
     let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
     let found = solver.minimize(start, &convergence, &Run::default()).expect("a sound case");
@@ -150,8 +150,8 @@ fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
         let mesh = mesh.with_positions(mesh.positions().iter().map(|p| p + far).collect()).expect("a sound case");
         let r = Rotation3::new(Vector3::new(1.0, -0.5, 2.0));
         let motion = |p: &Point3<f64>| r * (p - far) + far + Vector3::new(4.0, 5.0, -6.0);
-        let anchors = anchors_at(&mesh, |p| (p.x - far.x - 5.0).abs() > 4.9);
-        let (found, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), motion);
+        let handles = handles_at(&mesh, |p| (p.x - far.x - 5.0).abs() > 4.9);
+        let (found, positions) = solve(&mesh, &handles, &PrimoOptions::default(), motion);
         assert!(found.converged);
         for (p, rest) in positions.iter().zip(mesh.positions()) {
             assert!((p - motion(rest)).norm() < 1e-9 * mesh.diagonal(), "{p} is not {}", motion(rest));
@@ -162,16 +162,16 @@ fn a_rigid_motion_of_the_handles_moves_the_whole_rigidly() {
 #[test]
 fn the_energy_never_increases_and_the_gradient_vanishes_at_the_end() {
     let mesh = bar(40);
-    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 19.4);
+    let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 19.4);
     let mut solver = Solver::new(
         &mesh,
-        anchors.clone(),
+        &handles,
         &vec![false; mesh.vertex_count()],
         &PrimoOptions::default(),
         &ShellMaterial::default(),
     );
     assert!(solver.levels.len() > 1);
-    let targets = targets(&mesh, &anchors, twist(20.0, 2.0));
+    let targets = pose(&mesh, &handles, twist(20.0, 2.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
     let found = solver
         .minimize(start, &Convergence { max_iterations: 300, tolerance: 1e-14 }, &Run::default())
@@ -187,12 +187,12 @@ fn the_energy_never_increases_and_the_gradient_vanishes_at_the_end() {
 #[test]
 fn full_and_clustered_minimization_reach_the_same_minimum() {
     let mesh = bar(24);
-    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 11.4);
-    let (all, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(12.0, 1.0));
+    let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 11.4);
+    let (all, positions) = solve(&mesh, &handles, &PrimoOptions::default(), twist(12.0, 1.0));
     let coarse = PrimoOptions { largest_system: 70, ..PrimoOptions::default() };
     let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(&mesh, anchors.clone(), &still, &coarse, &ShellMaterial::default());
-    let targets = targets(&mesh, &anchors, twist(12.0, 1.0));
+    let mut solver = Solver::new(&mesh, &handles, &still, &coarse, &ShellMaterial::default());
+    let targets = pose(&mesh, &handles, twist(12.0, 1.0));
     let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
     let slow = solver
         .minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }, &Run::default())
@@ -245,14 +245,14 @@ fn clusters_are_connected_cover_the_free_bodies_and_shrink() {
 #[test]
 fn a_single_vertex_pulls_and_a_soft_one_pulls_less() {
     let mesh = bar(12);
-    let mut anchors = anchors_at(&mesh, |p| p.x < 0.6);
+    let fixed = handles_at(&mesh, |p| p.x < 0.6);
     let tip = mesh.vertex_count() as u32 - 1;
     let up = |p: &Point3<f64>| p + if p.x > 3.0 { Vector3::new(0.0, 0.0, 1.0) } else { Vector3::zeros() };
     let mut reached = Vec::new();
-    for soft in [None, Some(1.0), Some(1e-3)] {
-        anchors.retain(|a| a.vertex != tip);
-        anchors.push(Anchor { vertex: tip, soft });
-        let (found, positions) = solve(&mesh, &anchors, &PrimoOptions::default(), up);
+    for constraint in [Constraint::Hard, Constraint::Soft(1.0), Constraint::Soft(1e-3)] {
+        let hard = fixed.vertices().iter().map(|&v| (v, Constraint::Hard));
+        let handles = Handles::new(hard.chain([(tip, constraint)])).expect("a sound case");
+        let (found, positions) = solve(&mesh, &handles, &PrimoOptions::default(), up);
         assert!(found.converged);
         reached.push(positions[tip as usize].z - mesh.positions()[tip as usize].z);
     }
@@ -270,10 +270,10 @@ fn broken_triangles_stay_finite() {
     let fin = positions.len() as u32 - 1;
     triangles.extend([[16, 17, fin], [5, 6, 5], [8, 8, 8], [20, 21, 22], [20, 21, 22]]);
     let mesh = TriMesh::new(positions, triangles).expect("a sound case");
-    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 3.9);
+    let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 3.9);
     for thickness in [0.0, 1e-6, 1.0, 100.0] {
         let options = PrimoOptions { thickness, ..PrimoOptions::default() };
-        let (found, positions) = solve(&mesh, &anchors, &options, twist(4.0, 1.5));
+        let (found, positions) = solve(&mesh, &handles, &options, twist(4.0, 1.5));
         assert!(positions.iter().all(|p| p.coords.iter().all(|c| c.is_finite())), "thickness {thickness}");
         assert!(found.energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)));
     }
@@ -288,12 +288,11 @@ fn components_without_handle_are_fixed_and_a_drag_continues_from_the_last_result
     let positions: Vec<_> = near.positions().iter().copied().chain(far).collect();
     let second = near.triangles().iter().map(|t| t.map(|v| v + count));
     let mesh = TriMesh::new(positions, near.triangles().iter().copied().chain(second).collect()).expect("a sound case");
-    let anchors = anchors_at(&near, |p| p.x < 0.6 || p.x > 5.4);
-    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
+    let handles = handles_at(&near, |p| p.x < 0.6 || p.x > 5.4);
     let mut primo =
         super::super::Deformer::new(Method::Primo, &mesh, &handles, &DeformOptions::default(), &Run::default())
             .expect("a sound case");
-    let pose = HandlePose::new(targets(&near, &anchors, twist(6.0, 0.8)).iter().map(|w| w.position).collect());
+    let pose = pose(&near, &handles, twist(6.0, 0.8));
     let convergence = Convergence { max_iterations: 100, tolerance: 1e-9 };
     let first = primo.deform(&pose, InitialGuess::Spread, &convergence, &Run::default()).expect("a sound case");
     assert_eq!((first.report.stop, first.report.constraint_error), (Stop::Converged, 0.0));
@@ -315,7 +314,9 @@ fn invalid_shells_are_rejected() {
     let (mesh, handles) = (bar(2), Handles::exact([0]).expect("a sound case"));
     let said = |primo: PrimoOptions| {
         let options = DeformOptions { primo, ..DeformOptions::default() };
-        Primo::new(&mesh, &handles, &options, &Run::default()).expect_err("a faulty case").to_string()
+        Primo::new(&mesh, &handles, &options, &ShellMaterial::default(), &Run::default())
+            .expect_err("a faulty case")
+            .to_string()
     };
     let thickness = PrimoOptions { thickness: -1.0, ..PrimoOptions::default() };
     assert_eq!(said(thickness), "thickness -1 is invalid (expected a finite number, 0 or more)");
@@ -323,17 +324,16 @@ fn invalid_shells_are_rejected() {
     assert_eq!(said(system), "largest_system 0 is invalid (expected 1 or more)");
     let soft = vec![0.0; mesh.triangle_count()];
     let material = ShellMaterial { stiffness: Some(&soft), ..ShellMaterial::default() };
-    let refused = Primo::with_material(&mesh, &handles, &DeformOptions::default(), &material, &Run::default())
-        .expect_err("a faulty case");
+    let refused =
+        Primo::new(&mesh, &handles, &DeformOptions::default(), &material, &Run::default()).expect_err("a faulty case");
     assert_eq!(refused.to_string(), "stiffness 0 is invalid (expected finite numbers above 0)");
 }
 
 #[test]
 fn a_stiffer_part_keeps_its_shape_better() {
     let mesh = bar(20);
-    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 9.4);
-    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
-    let pose = HandlePose::new(targets(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let pose = pose(&mesh, &handles, twist(10.0, 1.2));
     // How far the first half is twisted, as the angle of a ring in the middle.
     let angle = |factor: f64| {
         let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
@@ -341,8 +341,7 @@ fn a_stiffer_part_keeps_its_shape_better() {
             (0..mesh.triangle_count()).map(|t| if middle(t) < 5.0 { factor } else { 1.0 }).collect();
         let options = DeformOptions::default();
         let material = ShellMaterial { stiffness: Some(&stiffness), ..ShellMaterial::default() };
-        let mut primo =
-            Primo::with_material(&mesh, &handles, &options, &material, &Run::default()).expect("a sound case");
+        let mut primo = Primo::new(&mesh, &handles, &options, &material, &Run::default()).expect("a sound case");
         let done =
             primo.deform(&pose, InitialGuess::Spread, &Convergence::default(), &Run::default()).expect("a sound case");
         let ring = &done.positions[40..44];
@@ -377,9 +376,8 @@ fn a_grain_stiffens_bending_across_it_alone() {
 #[test]
 fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
     let mesh = bar(20);
-    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 9.4);
-    let handles = Handles::exact(anchors.iter().map(|a| a.vertex)).expect("a sound case");
-    let pose = HandlePose::new(targets(&mesh, &anchors, twist(10.0, 1.2)).iter().map(|w| w.position).collect());
+    let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 9.4);
+    let pose = pose(&mesh, &handles, twist(10.0, 1.2));
     let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 3.0;
     // A bone of some rings, and one that a handle holds in part.
     let number = |t: usize| match middle(t) {
@@ -389,8 +387,8 @@ fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
     };
     let rigid: Vec<Option<u32>> = (0..mesh.triangle_count()).map(number).collect();
     let material = ShellMaterial { rigid: Some(&rigid), ..ShellMaterial::default() };
-    let mut primo = Primo::with_material(&mesh, &handles, &DeformOptions::default(), &material, &Run::default())
-        .expect("a sound case");
+    let mut primo =
+        Primo::new(&mesh, &handles, &DeformOptions::default(), &material, &Run::default()).expect("a sound case");
     let convergence = Convergence { max_iterations: 200, tolerance: 1e-10 };
     let done = primo.deform(&pose, InitialGuess::Spread, &convergence, &Run::default()).expect("a sound case");
     let inner: Vec<usize> = (0..mesh.vertex_count()).filter(|&v| (3.4..4.6).contains(&mesh.positions()[v].x)).collect();
@@ -401,7 +399,8 @@ fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
     }
     let energies = &done.report.energies;
     assert!(energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)));
-    let mut free = Primo::new(&mesh, &handles, &DeformOptions::default(), &Run::default()).expect("a sound case");
+    let mut free = Primo::new(&mesh, &handles, &DeformOptions::default(), &ShellMaterial::default(), &Run::default())
+        .expect("a sound case");
     let free = free.deform(&pose, InitialGuess::Spread, &convergence, &Run::default()).expect("a sound case");
     let least = free.report.energies.last().expect("the energy at the start");
     assert!(energies[energies.len() - 1] > 1.02 * least, "what must not bend costs");
@@ -415,15 +414,15 @@ fn triangles_of_one_number_move_as_one_body_and_the_rest_gives_way() {
 #[test]
 fn results_are_equivariant_to_similarities() {
     let mesh = bar(10);
-    let anchors = anchors_at(&mesh, |p| p.x < 0.6 || p.x > 4.4);
-    let (plain, expected) = solve(&mesh, &anchors, &PrimoOptions::default(), twist(5.0, 1.0));
+    let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 4.4);
+    let (plain, expected) = solve(&mesh, &handles, &PrimoOptions::default(), twist(5.0, 1.0));
     for (scale, offset) in [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e6)] {
         let turn = Rotation3::new(Vector3::new(0.4, -1.0, 2.0));
         let place = |p: &Point3<f64>| turn * (p * scale) + Vector3::repeat(offset);
         let there = mesh.with_positions(mesh.positions().iter().map(place).collect()).expect("a sound case");
         let back = |p: &Point3<f64>| turn.inverse() * (p - Vector3::repeat(offset)) / scale;
         let (found, positions) =
-            solve(&there, &anchors, &PrimoOptions::default(), |p| place(&twist(5.0, 1.0)(&back(p))));
+            solve(&there, &handles, &PrimoOptions::default(), |p| place(&twist(5.0, 1.0)(&back(p))));
         let digits = if offset > 0.0 { 1e-6 } else { 1e-9 };
         let (e, f) = (plain.last() * scale * scale, found.last());
         assert!((f / e - 1.0).abs() < digits, "{scale} {offset}: {e} {f}");
