@@ -16,12 +16,11 @@ pub(super) fn corner_normals(mesh: &TriMesh, crease_deg: f64) -> Vec<[Vector3<f3
     // In units of the diagonal: normals have the length of areas, which may overflow single precision.
     let area: Vec<Vector3<f32>> = (0..count).into_par_iter().map(|t| (mesh.area_normal(t) * scale).cast()).collect();
     let unit: Vec<Vector3<f32>> = area.par_iter().map(normalized).collect();
-    let (first, around) = triangles_around(mesh);
+    let around = mesh.triangles_of_vertices();
     let least = crease_deg.clamp(0.0, 180.0).to_radians().cos() as f32;
     let corner = |t: usize, v: u32| {
         let own = unit[t];
-        let around = &around[first[v as usize] as usize..first[v as usize + 1] as usize];
-        let near = around.iter().map(|n| *n as usize).filter(|n| unit[*n].dot(&own) >= least);
+        let near = around.of(v as usize).iter().map(|n| *n as usize).filter(|n| unit[*n].dot(&own) >= least);
         let smooth = normalized(&near.map(|n| area[n]).sum());
         if smooth == Vector3::zeros() { own } else { smooth }
     };
@@ -31,24 +30,4 @@ pub(super) fn corner_normals(mesh: &TriMesh, crease_deg: f64) -> Vec<[Vector3<f3
 fn normalized(v: &Vector3<f32>) -> Vector3<f32> {
     let wide: Vector3<f64> = v.cast();
     wide.try_normalize(0.0).unwrap_or_else(Vector3::zeros).cast()
-}
-
-/// The triangles around vertex `v` are `around[first[v]..first[v + 1]]`, in order.
-fn triangles_around(mesh: &TriMesh) -> (Vec<u32>, Vec<u32>) {
-    let mut first = vec![0_u32; mesh.vertex_count() + 2];
-    for v in mesh.triangles().iter().flatten() {
-        first[*v as usize + 2] += 1;
-    }
-    for v in 1..first.len() {
-        first[v] += first[v - 1];
-    }
-    let mut around = vec![0_u32; 3 * mesh.triangle_count()];
-    for (t, corners) in mesh.triangles().iter().enumerate() {
-        for v in corners {
-            let next = &mut first[*v as usize + 1];
-            around[*next as usize] = t as u32;
-            *next += 1;
-        }
-    }
-    (first, around)
 }

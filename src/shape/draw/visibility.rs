@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::SurfaceCamera;
 use crate::mesh::TriMesh;
+use plumbline_num::math::Lists;
 use plumbline_num::run::{Run, Stopped};
 
 /// Index of samples without a triangle.
@@ -28,7 +29,7 @@ pub(super) struct View {
     /// Vertices in camera coordinates.
     pub(super) vertices: Vec<Point3<f64>>,
     screen: Vec<Screen>,
-    bands: Bands,
+    bands: Lists<u32>,
     samples: usize,
     columns: usize,
     rows: usize,
@@ -59,8 +60,7 @@ impl View {
                 Screen::of(t as u32, &corners, camera, samples as f64)
             })
             .collect();
-        let bands = Bands::new(&screen, rows);
-        Self { vertices, screen, bands, samples, columns, rows }
+        Self { vertices, bands: bands(&screen, rows), screen, samples, columns, rows }
     }
 
     /// The nearest layer.
@@ -296,36 +296,13 @@ fn clipped(corners: &[Point3<f64>; 3], near: f64, into: &mut [Point3<f64>; 4]) -
     count
 }
 
-/// Triangles by the bands that they overlap.
-struct Bands {
-    first: Vec<usize>,
-    triangles: Vec<u32>,
-}
-
-impl Bands {
-    fn new(screen: &[Screen], rows: usize) -> Self {
-        let count = rows.div_ceil(BAND);
-        let touched = |s: &Screen| {
-            let (top, bottom) = s.rows();
-            let (top, bottom) = (top.max(0), bottom.min(rows as i64 - 1));
-            if top > bottom { 0..0 } else { top as usize / BAND..bottom as usize / BAND + 1 }
-        };
-        let mut first = vec![0; count + 2];
-        screen.iter().flat_map(touched).for_each(|band| first[band + 2] += 1);
-        for band in 1..first.len() {
-            first[band] += first[band - 1];
-        }
-        let mut triangles = vec![0; first[count + 1]];
-        for (i, s) in screen.iter().enumerate() {
-            for band in touched(s) {
-                triangles[first[band + 1]] = i as u32;
-                first[band + 1] += 1;
-            }
-        }
-        Self { first, triangles }
-    }
-
-    fn of(&self, band: usize) -> &[u32] {
-        &self.triangles[self.first[band]..self.first[band + 1]]
-    }
+/// Indices of the triangles that overlap each band.
+fn bands(screen: &[Screen], rows: usize) -> Lists<u32> {
+    let touched = |s: &Screen| {
+        let (top, bottom) = s.rows();
+        let (top, bottom) = (top.max(0), bottom.min(rows as i64 - 1));
+        if top > bottom { 0..0 } else { (top as usize / BAND) as u32..(bottom as usize / BAND + 1) as u32 }
+    };
+    let pairs = (0..).zip(screen).flat_map(|(i, s)| touched(s).map(move |band| (band, i)));
+    Lists::new(rows.div_ceil(BAND), pairs)
 }

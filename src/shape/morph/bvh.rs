@@ -1,6 +1,6 @@
 //! Closest points on a surface and overlapping pairs of triangles, by a bounding volume hierarchy.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use crate::mesh::TriMesh;
 use plumbline_num::run::{Run, Stopped};
@@ -17,6 +17,18 @@ pub struct SurfacePoint {
     pub point: Point3<f64>,
     /// Squared distance from the query point.
     pub squared: f64,
+}
+
+/// Barycentric coordinates of the corners of a triangle.
+pub(super) const CORNERS: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+impl SurfacePoint {
+    /// The point of a triangle with these barycentric coordinates.
+    pub(super) fn on(mesh: &TriMesh, triangle: u32, weights: [f64; 3]) -> Self {
+        let corners = mesh.corners(triangle as usize);
+        let point: Vector3<f64> = corners.iter().zip(weights).map(|(c, w)| c.coords * w).sum();
+        Self { triangle, weights, point: Point3::from(point), squared: 0.0 }
+    }
 }
 
 /// A bounding volume hierarchy over the triangles of a mesh.

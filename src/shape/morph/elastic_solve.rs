@@ -27,45 +27,23 @@ pub(super) struct ElasticSolve {
 }
 
 impl ElasticSolve {
-    /// Without constraints.
-    pub(super) fn free(
+    /// With some vertices constrained, at least one per component, or without constraints.
+    pub(super) fn new(
         triangles: &[[u32; 3]],
         half: Vec<[f64; 3]>,
         at: &[Point3<f64>],
+        fixed: Option<&[bool]>,
         run: &Run,
     ) -> Result<Self, MorphError> {
         let (component, components) = numbered_components(at.len(), triangles);
         let mut met = vec![false; components];
-        let held: Vec<bool> = component.iter().map(|&p| !std::mem::replace(&mut met[p as usize], true)).collect();
-        Self::new(triangles, half, at, &held, component, components, run)
-    }
-
-    /// With constrained vertices, at least one per component.
-    pub(super) fn held(
-        triangles: &[[u32; 3]],
-        half: Vec<[f64; 3]>,
-        at: &[Point3<f64>],
-        held: &[bool],
-        run: &Run,
-    ) -> Result<Self, MorphError> {
-        let (component, components) = numbered_components(at.len(), triangles);
-        Self::new(triangles, half, at, held, component, components, run)
-    }
-
-    fn new(
-        triangles: &[[u32; 3]],
-        half: Vec<[f64; 3]>,
-        at: &[Point3<f64>],
-        held: &[bool],
-        component: Vec<u32>,
-        components: usize,
-        run: &Run,
-    ) -> Result<Self, MorphError> {
+        let first_of_component = |&p: &u32| !std::mem::replace(&mut met[p as usize], true);
+        let fixed = fixed.map_or_else(|| component.iter().map(first_of_component).collect(), <[bool]>::to_vec);
         let edges = triangles
             .iter()
             .zip(&half)
             .flat_map(|(t, h)| (0..3).map(move |k| (t[(k + 1) % 3] as usize, t[(k + 2) % 3] as usize, h[k])));
-        let laplacian = ConstrainedLaplacian::new(at.len(), edges, |v| held[v])?;
+        let laplacian = ConstrainedLaplacian::new(at.len(), edges, |v| fixed[v])?;
         let positions = at.iter().map(|p| p.coords.into()).collect();
         let system = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
         Ok(Self { triangles: triangles.to_vec(), half, system, component, components })

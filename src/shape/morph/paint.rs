@@ -10,12 +10,13 @@
 
 use std::path::Path;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use serde::Deserialize;
 
 use super::MorphError;
 use super::correspondence::VertexRef;
 use crate::mesh::TriMesh;
+use crate::mesh::region::{Ball, HalfSpace};
 use plumbline_num::document::Kind;
 
 /// 128 MiB: about ten million painted vertices.
@@ -62,28 +63,6 @@ struct Stroke {
     /// All vertices on one side of a plane.
     #[serde(default)]
     half_space: Option<HalfSpace>,
-}
-
-/// A ball.
-#[derive(Clone, Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-struct Ball {
-    /// Center.
-    center: [f64; 3],
-    /// Radius, above 0.
-    radius: f64,
-}
-
-/// One side of a plane.
-#[derive(Clone, Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-struct HalfSpace {
-    /// A point of the plane.
-    point: [f64; 3],
-    /// Normal of the plane, towards the selected side.
-    normal: [f64; 3],
 }
 
 /// The JSON schema of files of painted times.
@@ -147,14 +126,12 @@ impl Stroke {
     fn vertices_of(&self, mesh: &TriMesh, context: &str) -> Result<Vec<u32>, MorphError> {
         let named: Result<Vec<u32>, MorphError> =
             self.vertices.iter().map(|p| p.vertex(mesh, "first", context)).collect();
-        let in_ball =
-            |p: &Point3<f64>| self.sphere.as_ref().is_some_and(|b| (p - Point3::from(b.center)).norm() <= b.radius);
-        let on_side = |p: &Point3<f64>| {
-            let selected = |h: &HalfSpace| (p - Point3::from(h.point)).dot(&Vector3::from(h.normal)) >= 0.0;
-            self.half_space.as_ref().is_some_and(selected)
+        let selects = |p: &Point3<f64>| {
+            self.sphere.as_ref().is_some_and(|ball| ball.contains(p))
+                || self.half_space.as_ref().is_some_and(|side| side.contains(p))
         };
-        let selected = mesh.positions().iter().enumerate().filter(|(_, p)| in_ball(p) || on_side(p));
-        Ok(named?.into_iter().chain(selected.map(|(v, _)| v as u32)).collect())
+        let selected = (0..).zip(mesh.positions()).filter(|(_, p)| selects(p)).map(|(v, _)| v);
+        Ok(named?.into_iter().chain(selected).collect())
     }
 }
 

@@ -9,6 +9,7 @@
 
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
+use super::MorphError;
 use plumbline_num::math::without_reflection;
 
 /// Singular values below this fraction of the largest are rounding and determine no direction.
@@ -46,6 +47,21 @@ pub(super) fn nearest_similarity(
     let scale = if scaled && gain > 0.0 && gain.is_finite() { gain } else { 1.0 };
     let translation = to_mean.coords - rotation * from_mean.coords * scale;
     (Similarity3::from_parts(Translation3::from(translation), rotation, scale), rank)
+}
+
+/// The similarity that fits pairs of landmarks best.
+///
+/// # Errors
+/// [`MorphError::Landmarks`] for fewer than three or collinear ones.
+pub(super) fn landmark_similarity(
+    pairs: impl Iterator<Item = (Point3<f64>, Point3<f64>)>,
+) -> Result<Similarity3<f64>, MorphError> {
+    let (from, to): (Vec<_>, Vec<_>) = pairs.unzip();
+    let (map, rank) = nearest_similarity(&from, &to, &vec![1.0; from.len()], true);
+    if from.len() < 3 || rank < 2 {
+        return Err(MorphError::Landmarks { given: from.len(), expected: 3 });
+    }
+    Ok(map)
 }
 
 /// The rotation that maximizes `tr(R S)`, and the singular values of `S`, descending.

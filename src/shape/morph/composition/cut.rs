@@ -15,18 +15,19 @@
 //! # Reference
 //! B. Merriman, J. Bence, S. Osher, *Motion of multiple junctions: a level set approach*, J. Comput. Phys. 112 (1994).
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
 use super::super::correspondence::divided;
+use super::{LeftTriangles, closed_edges, left_triangles};
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
 use crate::mesh::{HalfEdges, TriMesh, neighbors_of_vertices};
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
+use plumbline_num::spatial::{ShortestPaths, UnionFind};
 
 /// Distance of a cut point from a vertex, as a fraction of the edge, below which the cut is snapped to the vertex. Smaller values
 /// leave slivers with noisy normals after the transition; larger ones move the cut visibly away from the plane.
@@ -100,14 +101,7 @@ pub fn cut(
         }
         Cut::Lasso { vertices, keep } => {
             let line = closed_path(mesh, vertices, *keep, which)?;
-            separated(
-                mesh,
-                &line,
-                &Kept::Vertex(*keep),
-                &(0..mesh.vertex_count() as u32).map(Some).collect::<Vec<_>>(),
-                which,
-                keep_rest,
-            )
+            separated(mesh, &line, Some(*keep), &own_vertices(mesh), which, keep_rest)
         }
         Cut::Loop { vertices, keep } => {
             let line = closed_path(mesh, vertices, *keep, which)?;
@@ -115,18 +109,22 @@ pub fn cut(
             along_level(mesh, levels, &mesh.positions()[vertices[0] as usize], which, keep_rest)
         }
         Cut::Boundary { near } => {
-            let source = (0..mesh.vertex_count() as u32).map(Some).collect();
             let loops = HalfEdges::new(mesh)?.boundary_loops();
             let line = nearest_line(mesh, loops, near);
             let seam =
                 line.ok_or_else(|| seam(which, "is a boundary, but the surface is closed; cut it".to_owned()))?;
-            Ok(CutSurface { mesh: mesh.clone(), seam, source })
+            Ok(CutSurface { mesh: mesh.clone(), seam, source: own_vertices(mesh) })
         }
     }
 }
 
 fn seam(which: &'static str, fault: String) -> MorphError {
     MorphError::Seam { which, fault }
+}
+
+/// The vertices of a surface that is not divided, as sources of themselves.
+fn own_vertices(mesh: &TriMesh) -> Vec<Option<u32>> {
+    (0..mesh.vertex_count() as u32).map(Some).collect()
 }
 
 /// Cuts along the zero level curve nearest to a point; keeps the positive side.
@@ -139,7 +137,7 @@ fn along_level(
 ) -> Result<CutSurface, MorphError> {
     snap(mesh, &mut levels);
     let mut positions = mesh.positions().to_vec();
-    let mut source: Vec<Option<u32>> = (0..positions.len() as u32).map(Some).collect();
+    let mut source = own_vertices(mesh);
     let mut middle_of = BTreeMap::new();
     for &[a, b, c] in mesh.triangles() {
         for (i, j) in [(a, b), (b, c), (c, a)].map(|(i, j)| (i.min(j), i.max(j))) {
@@ -167,7 +165,7 @@ fn along_level(
         };
         seam(which, format!("{fault}; move the plane or the vertices"))
     })?;
-    separated(&divided, &line, &Kept::Left, &source, which, keep_rest)
+    separated(&divided, &line, None, &source, which, keep_rest)
 }
 
 /// Moves the level set to vertices very near to it.
@@ -185,16 +183,11 @@ fn snap(mesh: &TriMesh, levels: &mut [f64]) {
 
 /// Curves between marked triangles and others, with the marked ones on their left, and whether each closes.
 fn lines_between(mesh: &TriMesh, marked: &[bool]) -> Vec<(Vec<u32>, bool)> {
-    let other: BTreeMap<(u32, u32), usize> = mesh
-        .triangles()
-        .iter()
-        .enumerate()
-        .flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t)))
-        .collect();
+    let left = left_triangles(mesh.triangles());
     let mut next: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let mut before = BTreeMap::new();
-    for (&(a, b), &t) in &other {
-        if marked[t] && other.get(&(b, a)).is_some_and(|&u| !marked[u]) {
+    for (&(a, b), &t) in &left {
+        if marked[t] && left.get(&(b, a)).is_some_and(|&u| !marked[u]) {
             next.entry(a).or_default().push(b);
             *before.entry(b).or_insert(0_usize) += 1;
         }
@@ -227,35 +220,27 @@ fn nearest_line(mesh: &TriMesh, lines: Vec<Vec<u32>>, near: &Point3<f64>) -> Opt
     lines.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// The side to keep.
-enum Kept {
-    /// The left side of the curve.
-    Left,
-    /// The side of this vertex.
-    Vertex(u32),
-}
-
-/// The kept side of a surface separated along a closed curve of its edges.
+/// The kept side of a surface separated along a closed curve of its edges: that of a vertex, or the left one.
 fn separated(
     mesh: &TriMesh,
     line: &[u32],
-    kept: &Kept,
+    kept: Option<u32>,
     source: &[Option<u32>],
     which: &'static str,
     keep_rest: bool,
 ) -> Result<CutSurface, MorphError> {
-    let edges: Vec<(u32, u32)> = (0..line.len()).map(|k| (line[k], line[(k + 1) % line.len()])).collect();
-    let (part, edge_part) = parts(mesh, &edges);
-    let sides = edge_part(edges[0]).zip(edge_part((edges[0].1, edges[0].0)));
+    let edges: Vec<(u32, u32)> = closed_edges(line).collect();
+    let left = left_triangles(mesh.triangles());
+    let part = parts(mesh, &left, &edges);
+    let side = |from: u32, to: u32| left.get(&(from, to)).map(|&t| part[t]);
+    let sides = side(line[0], line[1]).zip(side(line[1], line[0]));
     let (left, right) = sides.ok_or_else(|| seam(which, "runs along the boundary of the surface".to_owned()))?;
     if left == right {
         let fault = "does not separate the surface; add the other cuts that are needed";
         return Err(seam(which, fault.to_owned()));
     }
-    let wanted = match kept {
-        Kept::Left => left,
-        Kept::Vertex(v) => mesh.triangles().iter().position(|t| t.contains(v)).map_or(left, |t| part[t]),
-    };
+    let triangle = kept.and_then(|v| mesh.triangles().iter().position(|t| t.contains(&v)));
+    let wanted = triangle.map_or(left, |t| part[t]);
     if wanted != left && wanted != right {
         return Err(seam(which, "does not touch the component of the vertex to keep".to_owned()));
     }
@@ -265,32 +250,16 @@ fn separated(
     compacted(mesh, keep, &line, source)
 }
 
-/// The connected part of each triangle without crossing the given edges, and a function for the part on the left of an edge.
-fn parts<'m>(mesh: &'m TriMesh, edges: &[(u32, u32)]) -> (Vec<usize>, impl Fn((u32, u32)) -> Option<usize> + use<'m>) {
-    let left: BTreeMap<(u32, u32), usize> = mesh
-        .triangles()
-        .iter()
-        .enumerate()
-        .flat_map(|(t, &[a, b, c])| [(a, b), (b, c), (c, a)].map(|e| (e, t)))
-        .collect();
-    let walls: std::collections::BTreeSet<(u32, u32)> = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
-    let mut part = vec![usize::MAX; mesh.triangle_count()];
-    let mut count = 0;
-    for start in 0..part.len() {
-        let mut stack = if part[start] == usize::MAX { vec![start] } else { continue };
-        while let Some(t) = stack.pop() {
-            if std::mem::replace(&mut part[t], count) != usize::MAX {
-                continue;
-            }
-            let [a, b, c] = mesh.triangles()[t];
-            let across =
-                [(b, a), (c, b), (a, c)].into_iter().filter(|e| !walls.contains(e)).filter_map(|e| left.get(&e));
-            stack.extend(across.copied().filter(|&u| part[u] == usize::MAX));
+/// The connected part of each triangle, without crossing the given edges.
+fn parts(mesh: &TriMesh, left: &LeftTriangles, edges: &[(u32, u32)]) -> Vec<u32> {
+    let walls: BTreeSet<(u32, u32)> = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+    let mut joined = UnionFind::new(mesh.triangle_count());
+    for (&(a, b), &t) in left.iter().filter(|(edge, _)| !walls.contains(edge)) {
+        if let Some(&u) = left.get(&(b, a)) {
+            joined.join(t as u32, u as u32);
         }
-        count += 1;
     }
-    let of_triangle = part.clone();
-    (part, move |edge| left.get(&edge).map(|&t| of_triangle[t]))
+    joined.roots()
 }
 
 /// The kept triangles with their vertices.
@@ -300,20 +269,16 @@ fn compacted(
     line: &[u32],
     source: &[Option<u32>],
 ) -> Result<CutSurface, MorphError> {
-    let kept: Vec<[u32; 3]> = (0..mesh.triangle_count()).filter(|&t| keep(t)).map(|t| mesh.triangles()[t]).collect();
-    let mut number = vec![u32::MAX; mesh.vertex_count()];
-    kept.iter().flatten().for_each(|v| number[*v as usize] = 0);
-    let old: Vec<usize> = (0..number.len()).filter(|&v| number[v] == 0).collect();
-    old.iter().enumerate().for_each(|(k, &v)| number[v] = k as u32);
-    let renamed = |v: &u32| number[*v as usize];
-    let positions = old.iter().map(|&v| mesh.positions()[v]).collect();
-    let triangles = kept.iter().map(|t| [renamed(&t[0]), renamed(&t[1]), renamed(&t[2])]).collect();
-    let cut = TriMesh::new(positions, triangles)?;
+    let kept = (0..mesh.triangle_count()).filter(|&t| keep(t)).map(|t| mesh.triangles()[t]).collect();
+    let part = TriMesh::new(mesh.positions().to_vec(), kept)?;
+    let (vertices, _) = part.referenced_and_isolated();
+    let cut = part.restricted(&vertices, part.triangles().iter().copied());
     HalfEdges::new(&cut)?;
+    let number = |v: &u32| vertices.binary_search(v).expect("a vertex of the kept side") as u32;
     Ok(CutSurface {
         mesh: cut,
-        seam: line.iter().map(renamed).collect(),
-        source: old.iter().map(|&v| source[v]).collect(),
+        seam: line.iter().map(number).collect(),
+        source: vertices.iter().map(|&v| source[v as usize]).collect(),
     })
 }
 
@@ -336,7 +301,14 @@ fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str)
     for (k, &from) in vertices.iter().enumerate() {
         let to = vertices[(k + 1) % vertices.len()];
         // Later paths do not touch earlier ones: with two vertices the path back is another one.
-        let path = shortest(mesh, &neighbors, from, to, |v| line.contains(&v) || v == keep);
+        let forbidden = |v: u32| line.contains(&v) || v == keep;
+        // A path of one edge and the same edge back enclose nothing.
+        let back = forbidden(to) && forbidden(from) && neighbors[from as usize].len() > 1;
+        let path = ShortestPaths::between(count, from, to, |v| {
+            let free = |&&w: &&u32| (w == to || !forbidden(w)) && !(back && v == from && w == to);
+            let length = |&w: &u32| (w, (mesh.positions()[v as usize] - mesh.positions()[w as usize]).norm());
+            neighbors[v as usize].iter().filter(free).map(length).collect::<Vec<_>>()
+        });
         let path = path.ok_or_else(|| {
             seam(which, format!("does not close: no path from vertex {from} to vertex {to} avoids the earlier ones"))
         })?;
@@ -348,51 +320,10 @@ fn closed_path(mesh: &TriMesh, vertices: &[u32], keep: u32, which: &'static str)
     Ok(line)
 }
 
-/// The shortest path along edges that avoids forbidden vertices, both ends included.
-fn shortest(
-    mesh: &TriMesh,
-    neighbors: &[Vec<u32>],
-    from: u32,
-    to: u32,
-    forbidden: impl Fn(u32) -> bool,
-) -> Option<Vec<u32>> {
-    let p = mesh.positions();
-    let mut reached: BTreeMap<u32, (f64, u32)> = BTreeMap::from([(from, (0.0, from))]);
-    // The bits of non-negative numbers have the order of the numbers.
-    let mut queue = BinaryHeap::from([Reverse((0_u64, from))]);
-    while let Some(Reverse((bits, v))) = queue.pop() {
-        let length = f64::from_bits(bits);
-        if v == to && v != from {
-            break;
-        }
-        if length > reached[&v].0 {
-            continue;
-        }
-        for &w in &neighbors[v as usize] {
-            let next = length + (p[v as usize] - p[w as usize]).norm();
-            let free = w == to || !forbidden(w);
-            // A path of one edge and the same edge back enclose nothing.
-            let back = v == from && w == to && forbidden(to) && neighbors[from as usize].len() > 1 && forbidden(from);
-            if free && !back && reached.get(&w).is_none_or(|r| next < r.0) {
-                reached.insert(w, (next, v));
-                queue.push(Reverse((next.to_bits(), w)));
-            }
-        }
-    }
-    let mut path = vec![to];
-    let mut at = to;
-    while at != from {
-        at = reached.get(&at)?.1;
-        path.push(at);
-    }
-    path.reverse();
-    Some(path)
-}
-
 /// Level function of the smoothed curve; positive on the side of `keep`.
 fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str, run: &Run) -> Result<Vec<f64>, MorphError> {
-    let edges: Vec<(u32, u32)> = (0..line.len()).map(|k| (line[k], line[(k + 1) % line.len()])).collect();
-    let (part, _) = parts(mesh, &edges);
+    let edges: Vec<(u32, u32)> = closed_edges(line).collect();
+    let part = parts(mesh, &left_triangles(mesh.triangles()), &edges);
     let kept = mesh.triangles().iter().position(|t| t.contains(&keep)).map(|t| part[t]);
     let kept = kept.ok_or_else(|| seam(which, format!("keeps vertex {keep}, which is in no triangle")))?;
     let masses = barycentric_areas(mesh);

@@ -15,19 +15,18 @@ mod stitching;
 mod tests;
 mod transition;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::{Point3, Similarity3};
 
 use super::MorphError;
-use super::rigid::nearest_similarity;
+use super::rigid::landmark_similarity;
 use super::trajectory::opposite_edges;
 use crate::mesh::operators::{CotangentRule, Cotangents};
 use crate::mesh::{HalfEdges, TriMesh, neighbors_of_vertices};
 pub use cut::{Cut, CutSurface, cut};
 use plumbline_num::run::Run;
 pub use seam_file::SeamFile;
-#[cfg(feature = "schema")]
 #[cfg(feature = "schema")]
 pub use seam_file::seam_schema;
 use stitching::{ArcLengthCurve, Sheet, curve_similarity, matched_points};
@@ -121,7 +120,7 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions, run: &R
     run.check()?;
     let joined = Joined::new(&sheets, &seams, [&kept, &added])?;
     let ring = rings(joined.mesh.triangles(), joined.mesh.vertex_count(), &seams[0]);
-    let band = usable_band(&ring, options.band, which_part(&joined))?;
+    let band = usable_band(&ring, options.band, joined.of_base)?;
     let transition = Transition { joined: &joined.mesh, edges: joined.edges, half: joined.half, ring: &ring, band };
     let (closed, smooth) = transition.solve(run)?;
     let mesh = smoothest(joined.mesh.with_positions(closed)?, smooth, &seams[0], &ring);
@@ -138,6 +137,19 @@ pub fn compose(base: &TriMesh, part: &TriMesh, options: &ComposeOptions, run: &R
     })
 }
 
+/// The triangle on the left of each directed edge.
+type LeftTriangles = BTreeMap<(u32, u32), usize>;
+
+fn left_triangles(triangles: &[[u32; 3]]) -> LeftTriangles {
+    let edges = |(t, &[a, b, c]): (usize, &[u32; 3])| [(a, b), (b, c), (c, a)].map(|edge| (edge, t));
+    triangles.iter().enumerate().flat_map(edges).collect()
+}
+
+/// The edges of a closed curve of vertices, from each vertex to the next.
+fn closed_edges(line: &[u32]) -> impl Iterator<Item = (u32, u32)> + '_ {
+    line.iter().copied().zip(line.iter().copied().cycle().skip(1))
+}
+
 /// The similarity from the part to the base.
 fn alignment(
     base: &TriMesh,
@@ -151,13 +163,7 @@ fn alignment(
             |c: &CutSurface| ArcLengthCurve::new(c.seam.iter().map(|v| c.mesh.positions()[*v as usize]).collect());
         return Ok(curve_similarity(&line(kept), &line(added)));
     }
-    let from: Vec<_> = landmarks.iter().map(|l| part.positions()[l.1 as usize]).collect();
-    let to: Vec<_> = landmarks.iter().map(|l| base.positions()[l.0 as usize]).collect();
-    let (map, rank) = nearest_similarity(&from, &to, &vec![1.0; from.len()], true);
-    if landmarks.len() < 3 || rank < 2 {
-        return Err(MorphError::Landmarks { given: landmarks.len(), expected: 3 });
-    }
-    Ok(map)
+    landmark_similarity(landmarks.iter().map(|l| (part.positions()[l.1 as usize], base.positions()[l.0 as usize])))
 }
 
 /// Both sheets joined to one mesh.
@@ -204,11 +210,6 @@ impl Joined {
     }
 }
 
-fn which_part(joined: &Joined) -> impl Fn(usize) -> bool + use<> {
-    let of_base = joined.of_base;
-    move |v| v < of_base
-}
-
 /// Distance of each vertex from the seam in edges (breadth-first); `usize::MAX` on other components.
 fn rings(triangles: &[[u32; 3]], vertices: usize, seam: &[u32]) -> Vec<usize> {
     let neighbors = neighbors_of_vertices(vertices, triangles);
@@ -228,13 +229,11 @@ fn rings(triangles: &[[u32; 3]], vertices: usize, seam: &[u32]) -> Vec<usize> {
     ring
 }
 
-/// The band width, reduced until at least one ring of both sides is fixed.
-fn usable_band(ring: &[usize], wanted: usize, of_base: impl Fn(usize) -> bool) -> Result<usize, MorphError> {
-    let deepest = |base: bool| {
-        let side = ring.iter().enumerate().filter(|(v, r)| of_base(*v) == base && **r != usize::MAX);
-        side.map(|(_, r)| *r).max().unwrap_or(0)
-    };
-    let band = wanted.min(deepest(true)).min(deepest(false));
+/// The band width, reduced until at least one ring of both sides is fixed; the first `of_base` vertices are those of the base.
+fn usable_band(ring: &[usize], wanted: usize, of_base: usize) -> Result<usize, MorphError> {
+    let (base, part) = ring.split_at(of_base);
+    let deepest = |side: &[usize]| side.iter().copied().filter(|r| *r != usize::MAX).max().unwrap_or(0);
+    let band = wanted.min(deepest(base)).min(deepest(part));
     if band == 0 {
         let (what, value) = ("the band of the seam, in rings".to_owned(), wanted.to_string());
         let expected = "at least 1, and a base and a part with vertices away from their cuts".to_owned();
@@ -277,6 +276,5 @@ fn crease(mesh: &TriMesh, seam: &[u32]) -> f64 {
         let pair = [h, half_edges.twin(h)?].map(|h| mesh.area_normal(HalfEdges::triangle(h) as usize));
         Some(pair[0].angle(&pair[1]))
     };
-    let edges = (0..seam.len()).map(|k| (seam[k], seam[(k + 1) % seam.len()]));
-    edges.filter_map(of_edge).fold(0.0, f64::max)
+    closed_edges(seam).filter_map(of_edge).fold(0.0, f64::max)
 }

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Similarity3};
 
 use super::super::rigid::nearest_similarity;
+use super::{LeftTriangles, left_triangles};
 
 /// Samples per curve for comparisons: finer than the edges of usual cuts.
 const SAMPLES: usize = 240;
@@ -159,10 +160,7 @@ impl Sheet {
                 CurvePoint::Edge(k, fraction) => fractions.entry(k).or_default().push((w, fraction)),
             }
         }
-        let mut beside: BTreeMap<(u32, u32), usize> = BTreeMap::new();
-        for (t, &[a, b, c]) in self.triangles.iter().enumerate() {
-            beside.extend([(a, b), (b, c), (c, a)].map(|e| (e, t)));
-        }
+        let mut beside = left_triangles(&self.triangles);
         for (k, mut on_edge) in fractions {
             on_edge.sort_by(|a, b| a.1.total_cmp(&b.1));
             let (from, to) = (line[k], line[(k + 1) % line.len()]);
@@ -180,7 +178,7 @@ impl Sheet {
     }
 
     /// Replaces the triangle beside the edge from the chain's first vertex to its last by a fan over the chain.
-    fn fan(&mut self, chain: &[u32], beside: &mut BTreeMap<(u32, u32), usize>) {
+    fn fan(&mut self, chain: &[u32], beside: &mut LeftTriangles) {
         let (from, to) = (chain[0], chain[chain.len() - 1]);
         let Some(t) = beside.remove(&(from, to)) else { return };
         let Some(apex) = self.triangles[t].into_iter().find(|v| *v != from && *v != to) else { return };

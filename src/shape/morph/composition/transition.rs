@@ -59,7 +59,7 @@ impl Transition<'_> {
     pub(super) fn solve(self, run: &Run) -> Result<(Positions, Vec<Positions>), MorphError> {
         let mut x = self.joined.positions().to_vec();
         let fixed: Vec<bool> = self.ring.iter().map(|r| *r >= self.band).collect();
-        let mut elastic = ElasticSolve::held(self.joined.triangles(), self.half.clone(), &x, &fixed, run)?;
+        let mut elastic = ElasticSolve::new(self.joined.triangles(), self.half.clone(), &x, Some(&fixed), run)?;
         elastic.follow(|t| self.edges[t], &mut x);
         for _ in 0..ITERATIONS {
             run.check()?;

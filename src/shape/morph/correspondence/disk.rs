@@ -18,29 +18,16 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Point3, Vector2, Vector3};
+use nalgebra::{Point3, Vector2};
 
 use super::super::MorphError;
-use super::super::bvh::{Bvh, SurfacePoint};
+use super::super::bvh::{Bvh, CORNERS, SurfacePoint};
+use super::{MAX_LANDMARK_ITERATIONS, connected_surface};
 use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
 use crate::mesh::{HalfEdges, TriMesh};
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::sparse::Ordering;
-use plumbline_num::spatial::numbered_components;
-
-/// Options of maps over the disk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DiskOptions {
-    /// Maximum iterations that move landmarks to their targets; ends when all have arrived.
-    pub iterations: usize,
-}
-
-impl Default for DiskOptions {
-    fn default() -> Self {
-        Self { iterations: 2000 }
-    }
-}
 
 /// Minimum edge weight: far below those of regular triangles (about 1), far above values that let vertices of slivers coincide.
 const MIN_WEIGHT: f64 = 0.02;
@@ -70,7 +57,6 @@ pub fn over_disks(
     first: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
-    options: &DiskOptions,
     run: &Run,
 ) -> Result<Vec<SurfacePoint>, MorphError> {
     let [rim_first, rim_second] = [rim(first, "first")?, rim(second, "second")?];
@@ -81,7 +67,7 @@ pub fn over_disks(
     let aligned: Vec<f64> = angles.iter().map(|a| a + best_rotation(&initial, &goal, landmarks)).collect();
     let angles = matched_angles(&rim_first, &aligned, &rim_second, &goal_angles, landmarks)?;
     let mut disk = Disk::new(first, "first", &rim_first, &angles, run)?;
-    disk.move_landmarks(&goal, landmarks, options.iterations, run)?;
+    disk.move_landmarks(&goal, landmarks, run)?;
     located(&disk.at, second, &goal, landmarks, run)
 }
 
@@ -93,14 +79,9 @@ fn topology(which: &'static str, fault: String) -> MorphError {
 
 /// The boundary loop, with the surface on its left.
 fn rim(mesh: &TriMesh, which: &'static str) -> Result<Vec<u32>, MorphError> {
-    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is not an oriented manifold: {e}")))?;
+    let (half_edges, euler) = connected_surface(mesh, |fault| topology(which, fault))?;
     let loops = half_edges.boundary_loops();
-    let (_, components) = numbered_components(mesh.vertex_count(), mesh.triangles());
-    if components != 1 {
-        return Err(topology(which, format!("has {components} connected components, unreferenced vertices included")));
-    }
     let [rim] = &loops[..] else { return Err(topology(which, format!("has {} boundaries", loops.len()))) };
-    let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
     if euler != 1 {
         return Err(topology(which, format!("has one boundary, but {} handles", (1 - euler) / 2)));
     }
@@ -235,20 +216,14 @@ impl<'m> Disk<'m> {
     }
 
     /// Moves interior landmarks to their targets.
-    fn move_landmarks(
-        &mut self,
-        goal: &[Vector2<f64>],
-        landmarks: &[(u32, u32)],
-        iterations: usize,
-        run: &Run,
-    ) -> Result<(), Stopped> {
+    fn move_landmarks(&mut self, goal: &[Vector2<f64>], landmarks: &[(u32, u32)], run: &Run) -> Result<(), Stopped> {
         let mut fixed = vec![false; self.at.len()];
         let inside: Vec<(usize, usize)> = landmarks.iter().map(|l| (l.0 as usize, l.1 as usize)).collect();
         let inside: Vec<_> = inside.into_iter().filter(|l| !self.rings[l.0].is_empty()).collect();
         for l in &inside {
             fixed[l.0] = true;
         }
-        for _ in 0..iterations {
+        for _ in 0..MAX_LANDMARK_ITERATIONS {
             run.check()?;
             let mut arrived = true;
             for &(v, w) in &inside {
@@ -296,18 +271,15 @@ fn located(
             vertex_of[v as usize] = Some(w);
         }
     }
-    let place = |(v, p): (usize, &Vector2<f64>)| {
+    let point = |(v, p): (usize, &Vector2<f64>)| {
         run.check()?;
         let nearest =
             bvh.nearest(&Point3::new(p.x, p.y, 0.0), |_| true).ok_or(MorphError::Empty { which: "second" })?;
         let corner = |w: u32| second.triangles()[nearest.triangle as usize].iter().position(|c| *c == w);
-        let exact = vertex_of[v].and_then(corner).map(|k| std::array::from_fn(|c| if c == k { 1.0 } else { 0.0 }));
-        let weights: [f64; 3] = exact.unwrap_or(nearest.weights);
-        let corners = second.corners(nearest.triangle as usize);
-        let point: Vector3<f64> = corners.iter().zip(weights).map(|(c, w)| c.coords * w).sum();
-        Ok(SurfacePoint { triangle: nearest.triangle, weights, point: Point3::from(point), squared: 0.0 })
+        let weights = vertex_of[v].and_then(corner).map_or(nearest.weights, |k| CORNERS[k]);
+        Ok(SurfacePoint::on(second, nearest.triangle, weights))
     };
-    at.iter().enumerate().map(place).collect()
+    at.iter().enumerate().map(point).collect()
 }
 
 #[cfg(test)]
@@ -378,7 +350,7 @@ mod tests {
         let second = TriMesh::new(positions, first.triangles().iter().map(|t| t.map(|v| n - 1 - v)).collect()).unwrap();
         let open = HalfEdges::new(&first).unwrap();
         let inside: Vec<(u32, u32)> = (0..n).filter(|v| !open.is_boundary(*v)).map(|v| (v, n - 1 - v)).collect();
-        let laid = over_disks(&first, &second, &inside, &DiskOptions::default(), &Run::default()).unwrap();
+        let laid = over_disks(&first, &second, &inside, &Run::default()).unwrap();
         for (place, p) in laid.iter().zip(first.positions()) {
             assert!((place.point - p).norm() < 1e-6, "{} off", (place.point - p).norm());
         }

@@ -16,8 +16,7 @@ mod unfolding;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-pub use disk::{DiskOptions, disk_map, over_disks};
-#[cfg(feature = "schema")]
+pub use disk::{disk_map, over_disks};
 #[cfg(feature = "schema")]
 pub use landmarks::landmarks_schema;
 pub use landmarks::{Landmarks, VertexRef};
@@ -25,12 +24,13 @@ pub use quality::{MapQuality, measure};
 pub(in crate::morph) use refinement::divided;
 pub use refinement::{Refined, refine};
 pub use registration::{RegistrationOptions, register};
-pub use sphere::{SphereOptions, over_spheres, sphere_map};
+pub use sphere::{over_spheres, sphere_map};
 
 use super::MorphError;
 use super::bvh::SurfacePoint;
-use crate::mesh::TriMesh;
+use crate::mesh::{HalfEdges, TriMesh};
 use plumbline_num::run::Run;
+use plumbline_num::spatial::numbered_components;
 
 /// Correspondence method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,23 +46,33 @@ pub enum CorrespondenceMethod {
     Disk,
 }
 
-/// Options of [`correspond`]: a method, and the options of each.
+/// Options of [`correspond`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CorrespondenceOptions {
-    /// The method; the options of the others are not used.
+    /// The method.
     pub method: CorrespondenceMethod,
     /// Options of the registration.
     pub registration: RegistrationOptions,
-    /// Options of the map through the sphere.
-    pub sphere: SphereOptions,
-    /// Options of the map through the disk.
-    pub disk: DiskOptions,
 }
 
 impl From<CorrespondenceMethod> for CorrespondenceOptions {
     fn from(method: CorrespondenceMethod) -> Self {
         Self { method, ..Self::default() }
     }
+}
+
+/// Maximum iterations that move landmarks to their targets on the disk or the sphere; ends when all have arrived.
+const MAX_LANDMARK_ITERATIONS: usize = 2000;
+
+/// The half-edges of a connected oriented manifold, and its Euler characteristic; `refused` makes the error of another topology.
+fn connected_surface(mesh: &TriMesh, refused: impl Fn(String) -> MorphError) -> Result<(HalfEdges, i64), MorphError> {
+    let half_edges = HalfEdges::new(mesh).map_err(|e| refused(format!("is not an oriented manifold: {e}")))?;
+    let (_, components) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    if components != 1 {
+        return Err(refused(format!("has {components} connected components, unreferenced vertices included")));
+    }
+    let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
+    Ok((half_edges, euler))
 }
 
 /// A map of the first mesh onto the second.
@@ -90,8 +100,8 @@ pub fn correspond(
 ) -> Result<Correspondence, MorphError> {
     let points = match options.method {
         CorrespondenceMethod::Registration => register(first, second, landmarks, &options.registration, run)?,
-        CorrespondenceMethod::Sphere => over_spheres(first, second, landmarks, &options.sphere, run)?,
-        CorrespondenceMethod::Disk => over_disks(first, second, landmarks, &options.disk, run)?,
+        CorrespondenceMethod::Sphere => over_spheres(first, second, landmarks, run)?,
+        CorrespondenceMethod::Disk => over_disks(first, second, landmarks, run)?,
     };
     let positions: Vec<Point3<f64>> = points.iter().map(|p| p.point).collect();
     let mapped = first.with_positions(positions)?;

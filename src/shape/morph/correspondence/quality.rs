@@ -1,7 +1,5 @@
 //! Quality of a map between surfaces.
 
-use std::collections::BTreeSet;
-
 use nalgebra::{Point3, Vector3, center};
 
 use super::super::MorphError;
@@ -46,9 +44,9 @@ pub fn measure(
     let unit = second.diagonal();
     let (stretch, stretch_95) = stretches(first, mapped);
     let cover = Target::new(mapped).map_err(|_| MorphError::Empty { which: "mapped" })?;
-    let named: BTreeSet<u32> = second.triangles().iter().flatten().copied().collect();
-    let mut missed = Vec::with_capacity(named.len());
-    for &v in &named {
+    let (referenced, _) = second.referenced_and_isolated();
+    let mut missed = Vec::with_capacity(referenced.len());
+    for v in referenced {
         run.check()?;
         missed.extend(cover.nearest(&second.positions()[v as usize]).map(|place| place.squared));
     }

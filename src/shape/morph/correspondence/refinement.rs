@@ -83,8 +83,7 @@ fn edges_to_bisect(
         bisected.extend(off(edge).then_some(edge));
     }
     let cover = Bvh::new(mapped);
-    let named: BTreeSet<u32> = second.triangles().iter().flatten().copied().collect();
-    for v in named {
+    for v in second.referenced_and_isolated().0 {
         run.check()?;
         if let Some(place) = cover.nearest(&second.positions()[v as usize], |_| true)
             && place.squared > far

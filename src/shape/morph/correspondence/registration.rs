@@ -17,11 +17,11 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Matrix3x4, Point3, Similarity3, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
 
 use super::super::MorphError;
-use super::super::bvh::{Bvh, SurfacePoint};
-use super::super::rigid::nearest_similarity;
+use super::super::bvh::{Bvh, CORNERS, SurfacePoint};
+use super::super::rigid::landmark_similarity;
 use super::super::trajectory::neighbors;
 use super::unfolding::unfold;
 use crate::mesh::TriMesh;
@@ -62,10 +62,10 @@ pub fn register(
     run: &Run,
 ) -> Result<Vec<SurfacePoint>, MorphError> {
     let unit = second.diagonal();
-    let aligned = aligned(first, second, landmarks)?;
-    let scaled = |p: &Point3<f64>| p / unit;
-    let initial = first.with_positions(aligned.iter().map(scaled).collect())?;
-    let goal = second.with_positions(second.positions().iter().map(scaled).collect())?;
+    let pair = |l: &(u32, u32)| (first.positions()[l.0 as usize], second.positions()[l.1 as usize]);
+    let align = landmark_similarity(landmarks.iter().map(pair))?;
+    let initial = first.with_positions(first.positions().iter().map(|p| align * p / unit).collect())?;
+    let goal = second.with_positions(second.positions().iter().map(|p| p / unit).collect())?;
     run.check()?;
     let target = Target::new(&goal)?;
     let mut system = System::new(&initial, landmarks, &goal, options)?;
@@ -84,27 +84,20 @@ pub fn register(
         fixed[l.0 as usize] = true;
     }
     unfold(&initial, &target, &fixed, &mut places, run)?;
-    let in_units = |p: SurfacePoint| {
-        let corners = second.corners(p.triangle as usize);
-        let point = corners.iter().zip(p.weights).map(|(c, w)| c.coords * w).sum::<Vector3<f64>>();
-        SurfacePoint { point: Point3::from(point), squared: p.squared * unit * unit, ..p }
+    let in_units = |p: SurfacePoint| SurfacePoint {
+        squared: p.squared * unit * unit,
+        ..SurfacePoint::on(second, p.triangle, p.weights)
     };
     Ok(places.into_iter().map(in_units).collect())
 }
 
-/// The positions of the first mesh after the similarity of the landmarks.
-pub(super) fn aligned(
-    first: &TriMesh,
-    second: &TriMesh,
-    landmarks: &[(u32, u32)],
-) -> Result<Vec<Point3<f64>>, MorphError> {
-    let from: Vec<_> = landmarks.iter().map(|l| first.positions()[l.0 as usize]).collect();
-    let to: Vec<_> = landmarks.iter().map(|l| second.positions()[l.1 as usize]).collect();
-    let (map, rank): (Similarity3<f64>, usize) = nearest_similarity(&from, &to, &vec![1.0; from.len()], true);
-    if landmarks.len() < 3 || rank < 2 {
-        return Err(MorphError::Landmarks { given: landmarks.len(), expected: 3 });
+/// A triangle of each vertex, and which of its corners the vertex is; `None` for isolated vertices.
+pub(super) fn corner_of_vertices(mesh: &TriMesh) -> Vec<Option<(u32, usize)>> {
+    let mut corner_of = vec![None; mesh.vertex_count()];
+    for (t, corners) in (0..).zip(mesh.triangles()) {
+        corners.iter().enumerate().for_each(|(k, &v)| corner_of[v as usize] = Some((t, k)));
     }
-    Ok(first.positions().iter().map(|p| map * p).collect())
+    corner_of
 }
 
 /// The target surface.
@@ -112,7 +105,7 @@ pub(super) struct Target<'m> {
     mesh: &'m TriMesh,
     bvh: Bvh,
     normals: Vec<Vector3<f64>>,
-    triangle_of_vertex: Vec<Option<(u32, usize)>>,
+    corner_of_vertex: Vec<Option<(u32, usize)>>,
     area: f64,
 }
 
@@ -122,12 +115,8 @@ impl<'m> Target<'m> {
         if !(area > 0.0) {
             return Err(MorphError::Empty { which: "second" });
         }
-        let mut triangle_of_vertex = vec![None; mesh.vertex_count()];
-        for (t, corners) in mesh.triangles().iter().enumerate() {
-            corners.iter().enumerate().for_each(|(k, v)| triangle_of_vertex[*v as usize] = Some((t as u32, k)));
-        }
         let normals = (0..mesh.triangle_count()).map(|t| mesh.area_normal(t)).collect();
-        Ok(Self { mesh, bvh: Bvh::new(mesh), normals, triangle_of_vertex, area })
+        Ok(Self { mesh, bvh: Bvh::new(mesh), normals, corner_of_vertex: corner_of_vertices(mesh), area })
     }
 
     /// The closest point whose normal does not oppose `normal`; the closest point if there is none.
@@ -172,10 +161,8 @@ impl<'m> Target<'m> {
 
     /// A vertex as a surface point.
     pub(super) fn vertex(&self, v: u32) -> SurfacePoint {
-        let (triangle, corner) = self.triangle_of_vertex[v as usize].unwrap_or((0, 0));
-        let mut weights = [0.0; 3];
-        weights[corner] = 1.0;
-        SurfacePoint { triangle, weights, point: self.mesh.positions()[v as usize], squared: 0.0 }
+        let (triangle, corner) = self.corner_of_vertex[v as usize].unwrap_or((0, 0));
+        SurfacePoint { triangle, weights: CORNERS[corner], point: self.mesh.positions()[v as usize], squared: 0.0 }
     }
 }
 

@@ -14,6 +14,7 @@ use super::super::bvh::SurfacePoint;
 use super::quality::{is_collapsed, is_flipped};
 use super::registration::Target;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
+use plumbline_num::math::Lists;
 use plumbline_num::run::Run;
 
 /// Maximum iterations. Most folds are removed in the first dozen: of a horse on a camel 349 of 16 843 triangles remain after the first
@@ -59,19 +60,13 @@ pub(super) fn unfold(
 /// Neighbors and triangles of each vertex.
 struct Neighborhood {
     vertices: Vec<Vec<u32>>,
-    triangles: Vec<Vec<u32>>,
+    triangles: Lists<u32>,
 }
 
 impl Neighborhood {
     fn new(mesh: &TriMesh) -> Self {
-        let n = mesh.vertex_count();
-        let mut triangles = vec![Vec::new(); n];
-        for (t, corners) in mesh.triangles().iter().enumerate() {
-            for v in corners {
-                triangles[*v as usize].push(t as u32);
-            }
-        }
-        Self { vertices: neighbors_of_vertices(n, mesh.triangles()), triangles }
+        let vertices = neighbors_of_vertices(mesh.vertex_count(), mesh.triangles());
+        Self { vertices, triangles: mesh.triangles_of_vertices() }
     }
 
     /// The closest facing surface point to the centroid of a vertex's neighbors.
@@ -157,7 +152,7 @@ impl Folds {
         moved: &[u32],
     ) {
         let mut touched = vec![false; self.age.len()];
-        for t in moved.iter().flat_map(|v| &around.triangles[*v as usize]) {
+        for t in moved.iter().flat_map(|v| around.triangles.of(*v as usize)) {
             touched[*t as usize] = true;
         }
         for t in (0..touched.len()).filter(|t| touched[*t]) {

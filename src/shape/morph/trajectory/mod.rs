@@ -43,6 +43,7 @@ use super::rigid::{Screw, centroid, nearest_similarity};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 pub(super) use frames::{Frame, opposite_edges};
+use plumbline_num::math::Lists;
 use plumbline_num::run::{Run, Stopped};
 use rotation_paths::RotationPaths;
 pub(super) use rotation_paths::neighbors;
@@ -107,7 +108,7 @@ impl Trajectory {
         let rotation = |(a, b): (&Option<Frame>, &Option<Frame>)| a.as_ref()?.rotation_to(b.as_ref()?);
         let rotations: Vec<Option<UnitQuaternion<f64>>> = frames[0].iter().zip(&frames[1]).map(rotation).collect();
         run.check()?;
-        let solve = ElasticSolve::free(&triangles, mean_weights(first, second), first.positions(), run)?;
+        let solve = ElasticSolve::new(&triangles, mean_weights(first, second), first.positions(), None, run)?;
         Ok(Self {
             rotations: RotationPaths::new(&triangles, &rotations),
             first: first.positions().to_vec(),
@@ -242,15 +243,13 @@ impl Trajectory {
     /// Aligns each component rigidly with `target`: the energy is invariant to its rigid motions.
     fn align_components(&self, x: &mut [Point3<f64>], target: &[Point3<f64>]) {
         let (component, count) = self.solve.components();
-        let mut members = vec![Vec::new(); count];
-        component.iter().enumerate().for_each(|(v, c)| members[*c as usize].push(v));
-        for vertices in members {
-            let from: Vec<_> = vertices.iter().map(|&v| x[v]).collect();
-            let to: Vec<_> = vertices.iter().map(|&v| target[v]).collect();
-            let weights: Vec<f64> = vertices.iter().map(|&v| self.weights[v]).collect();
+        for vertices in Lists::new(count, component.iter().copied().zip(0..)).iter() {
+            let from: Vec<_> = vertices.iter().map(|&v| x[v as usize]).collect();
+            let to: Vec<_> = vertices.iter().map(|&v| target[v as usize]).collect();
+            let weights: Vec<f64> = vertices.iter().map(|&v| self.weights[v as usize]).collect();
             let (back, rank) = nearest_similarity(&from, &to, &weights, false);
             if rank > 1 {
-                vertices.iter().zip(from).for_each(|(&v, p)| x[v] = back * p);
+                vertices.iter().zip(from).for_each(|(&v, p)| x[v as usize] = back * p);
             }
         }
     }

@@ -19,6 +19,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::mesh::{HalfEdges, edge_groups};
+
 /// Quantization of angles, rad, so that rounding does not change the tree.
 const ANGLE_STEP: f64 = 1e-9;
 
@@ -138,16 +140,12 @@ fn quantized(angle: f64) -> i64 {
 
 /// The triangles with a common edge, for each triangle.
 pub(in crate::morph) fn neighbors(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let mut sides: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
-    for (t, &[a, b, c]) in triangles.iter().enumerate() {
-        sides.extend([(a, b), (b, c), (c, a)].map(|(i, j)| (i.min(j), i.max(j), t as u32)));
-    }
-    sides.sort_unstable();
     let mut neighbors = vec![Vec::new(); triangles.len()];
-    for edge in sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+    for edge in edge_groups(triangles.as_flattened()).iter() {
         for pair in edge.windows(2) {
-            neighbors[pair[0].2 as usize].push(pair[1].2);
-            neighbors[pair[1].2 as usize].push(pair[0].2);
+            let [t, u] = [HalfEdges::triangle(pair[0].1), HalfEdges::triangle(pair[1].1)];
+            neighbors[t as usize].push(u);
+            neighbors[u as usize].push(t);
         }
     }
     neighbors

@@ -162,7 +162,7 @@ impl Trajectory {
             fixed[v] |= !std::mem::replace(&mut constrained[component[v] as usize], true);
         }
         let half = self.solve.half().to_vec();
-        let mut solve = match ElasticSolve::held(&self.triangles, half, x, &fixed, run) {
+        let mut solve = match ElasticSolve::new(&self.triangles, half, x, Some(&fixed), run) {
             Ok(solve) => solve,
             Err(MorphError::Interrupted(stopped)) => return Err(stopped),
             Err(_) => return Ok(None),

@@ -29,26 +29,13 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
 use super::super::rigid::nearest_similarity;
-use crate::mesh::{HalfEdges, TriMesh};
+use super::connected_surface;
+use crate::mesh::TriMesh;
 use collapse::{Removed, removals};
 use kernel::deepest;
 pub use overlay::over_spheres;
 use plumbline_num::run::{Run, Stopped};
-use plumbline_num::spatial::numbered_components;
 use stretch::{Side, Target};
-
-/// Options of maps over the sphere.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SphereOptions {
-    /// Maximum iterations that move landmarks to their targets; ends when all have arrived.
-    pub iterations: usize,
-}
-
-impl Default for SphereOptions {
-    fn default() -> Self {
-        Self { iterations: 2000 }
-    }
-}
 
 /// Minimum relaxation sweeps of all vertices whenever their number has grown by a quarter: crowded regions grow slowly at first.
 const MIN_SWEEPS: usize = 60;
@@ -81,15 +68,10 @@ fn topology(which: &'static str, fault: String) -> MorphError {
 }
 
 fn check(mesh: &TriMesh, which: &'static str) -> Result<(), MorphError> {
-    let half_edges = HalfEdges::new(mesh).map_err(|e| topology(which, format!("is not an oriented manifold: {e}")))?;
+    let (half_edges, euler) = connected_surface(mesh, |fault| topology(which, fault))?;
     let open = half_edges.boundary_edge_count();
     if open > 0 {
         return Err(topology(which, format!("has a boundary: {open} edges have one triangle")));
-    }
-    let euler = mesh.vertex_count() as i64 - half_edges.edge_count() as i64 + mesh.triangle_count() as i64;
-    let (_, components) = numbered_components(mesh.vertex_count(), mesh.triangles());
-    if components != 1 {
-        return Err(topology(which, format!("has {components} connected components, unreferenced vertices included")));
     }
     if euler != 2 {
         return Err(topology(which, format!("has genus {}", (2 - euler) / 2)));

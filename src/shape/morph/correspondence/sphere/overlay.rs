@@ -8,10 +8,11 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::super::super::MorphError;
-use super::super::super::bvh::{Bvh, SurfacePoint};
-use super::super::registration::{RegistrationOptions, register};
+use super::super::super::bvh::{Bvh, CORNERS, SurfacePoint};
+use super::super::MAX_LANDMARK_ITERATIONS;
+use super::super::registration::{RegistrationOptions, corner_of_vertices, register};
 use super::stretch::Target;
-use super::{SphereEmbedding, SphereOptions, sphere_map};
+use super::{SphereEmbedding, sphere_map};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::barycentric_areas;
 use plumbline_num::run::{Run, Stopped};
@@ -27,7 +28,6 @@ pub fn over_spheres(
     first: &TriMesh,
     second: &TriMesh,
     landmarks: &[(u32, u32)],
-    options: &SphereOptions,
     run: &Run,
 ) -> Result<Vec<SurfacePoint>, MorphError> {
     let goal = sphere_map(second, "second", run)?;
@@ -44,32 +44,25 @@ pub fn over_spheres(
         increase_penalty(&mut embedding, &[], run)?;
     }
     embedding.targets.clear();
-    move_landmarks(&mut embedding, &goal, landmarks, &fixed, options.iterations, run)?;
+    move_landmarks(&mut embedding, &goal, landmarks, &fixed, run)?;
     embedding.targets = targets;
     increase_penalty(&mut embedding, &fixed, run)?;
     let sphere = second.with_positions(goal.iter().map(|p| Point3::from(*p)).collect())?;
     let bvh = Bvh::new(&sphere);
-    let mut corner_of = vec![None; second.vertex_count()];
-    for (t, v) in second.triangles().iter().enumerate() {
-        v.iter().enumerate().for_each(|(k, v)| corner_of[*v as usize] = Some((t as u32, k)));
-    }
+    let corner_of = corner_of_vertices(second);
     let mut vertex_of = vec![None; first.vertex_count()];
     for &(v, w) in landmarks {
         if (embedding.at[v as usize] - goal[w as usize]).norm() <= COINCIDENT {
             vertex_of[v as usize] = corner_of[w as usize];
         }
     }
-    let place = |(v, at): (usize, &Vector3<f64>)| {
+    let point = |(v, at): (usize, &Vector3<f64>)| {
         run.check()?;
-        let (triangle, weights) = vertex_of[v].map_or_else(
-            || located(&bvh, &sphere, at),
-            |(t, k)| (t, std::array::from_fn(|c| if c == k { 1.0 } else { 0.0 })),
-        );
-        let corners = second.corners(triangle as usize);
-        let point: Vector3<f64> = corners.iter().zip(weights).map(|(p, w)| p.coords * w).sum();
-        Ok(SurfacePoint { triangle, weights, point: Point3::from(point), squared: 0.0 })
+        let exact = vertex_of[v].map(|(t, k): (u32, usize)| (t, CORNERS[k]));
+        let (triangle, weights) = exact.unwrap_or_else(|| located(&bvh, &sphere, at));
+        Ok(SurfacePoint::on(second, triangle, weights))
     };
-    embedding.at.iter().enumerate().map(place).collect()
+    embedding.at.iter().enumerate().map(point).collect()
 }
 
 /// Weight of the target positions relative to the stretch energy (area squared). Smaller values leave limbs at their random initial
@@ -125,17 +118,16 @@ const CHECK_INTERVAL: usize = 100;
 /// Minimum relative decrease of the landmark error between checks; below it landmarks are stuck.
 const MIN_DECREASE: f64 = 0.01;
 
-/// Moves landmarks to their targets in at most `iterations`.
+/// Moves landmarks to their targets.
 fn move_landmarks(
     embedding: &mut SphereEmbedding<'_>,
     goal: &[Vector3<f64>],
     landmarks: &[(u32, u32)],
     fixed: &[bool],
-    iterations: usize,
     run: &Run,
 ) -> Result<(), Stopped> {
     let mut last = f64::INFINITY;
-    for iteration in 0..iterations {
+    for iteration in 0..MAX_LANDMARK_ITERATIONS {
         run.check()?;
         let mut error = 0.0;
         for &(v, w) in landmarks {
