@@ -20,9 +20,9 @@ use plumbline::photo::rectangle::{Outline, RectangleError, RectangleInput, Recta
 use plumbline::photo::rectify::{Rectifier, RectifyError, RectifyInput, RectifyOptions, rectify};
 use plumbline::photo::retarget::{RetargetError, RetargetOptions, retarget};
 use plumbline::photo::{Line, Orientation};
-use plumbline::shape::character::extraction::{ExtractionError, ExtractionOptions, extract};
-use plumbline::shape::character::fitting::{FitError, fit_template};
-use plumbline::shape::character::ik::{self, IkError, IkOptions};
+use plumbline::shape::character::extraction::{ExtractionOptions, extract};
+use plumbline::shape::character::fitting::fit_template;
+use plumbline::shape::character::ik::{self, IkOptions};
 use plumbline::shape::character::regression::{Example, RegressionModel, RegressionOptions};
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod, centers_of_rotation};
 use plumbline::shape::character::weights::{WeightMethod, WeightOptions, bone_weights};
@@ -217,7 +217,7 @@ fn surfaces_and_characters_end_with_their_run() {
     assert_all(&[
         ("modes", stops!(modes(&mesh, 3, &ModesOptions::default(), &run), SurfaceError)),
         ("the hierarchy", stops!(Hierarchy::new(&mesh, &[], 20, &run))),
-        ("skeleton extraction", stops!(extract(&mesh, &ExtractionOptions::default(), observer, &run), ExtractionError)),
+        ("skeleton extraction", stops!(extract(&mesh, &ExtractionOptions::default(), observer, &run), CharacterError)),
         ("bone heat", bones(WeightMethod::Heat)),
         ("biharmonic weights", bones(WeightMethod::BoundedBiharmonic)),
         ("weights by distance", bones(WeightMethod::Distance)),
@@ -235,8 +235,11 @@ fn surfaces_and_characters_end_with_their_run() {
             ),
         ),
         ("refinement", stops!(DetailRefiner::new(&mesh, weights, 1.0, &run), CharacterError)),
-        ("template fitting", stops!(fit_template(&skeleton, &curve, &run), FitError)),
-        ("inverse kinematics", stops!(ik::solve(&skeleton, &start, &[target], &IkOptions::default(), &run), IkError)),
+        ("template fitting", stops!(fit_template(&skeleton, &curve, &run), CharacterError)),
+        (
+            "inverse kinematics",
+            stops!(ik::solve(&skeleton, &start, &[target], &IkOptions::default(), &run), CharacterError),
+        ),
         ("repair", stops!(repair(&mesh, &RepairOptions::default(), &run))),
         ("drawing", {
             let camera =
@@ -388,7 +391,7 @@ fn long_calls_end_midway_and_soon() {
     stops_midway("skeleton extraction", |run| {
         let observer =
             &mut |_: &plumbline::shape::character::extraction::ContractionStep<'_>| std::ops::ControlFlow::Continue(());
-        stops!(extract(&mesh, &ExtractionOptions::default(), observer, run), ExtractionError)
+        stops!(extract(&mesh, &ExtractionOptions::default(), observer, run), CharacterError)
     });
     stops_midway("biharmonic weights", |run| {
         let options = WeightOptions { method: WeightMethod::BoundedBiharmonic, ..WeightOptions::default() };

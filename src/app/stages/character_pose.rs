@@ -17,13 +17,13 @@ use crate::pipeline::port::{Port, PortType};
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::character::ik::{IkMethod, interpolate};
-use plumbline_shape::character::io::{Rig, RigFileError, character_of};
+use plumbline_shape::character::io::{Rig, character_of};
 use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{SkinModel, TrainedSkin};
 use plumbline_shape::character::skinning::{Skinner, SkinningMethod};
 use plumbline_shape::character::weights::WeightMethod;
 use plumbline_shape::character::{
-    Character, CharacterError, DetailRefiner, Extrapolation, Pose, Skeleton, Skin, SkinWeights,
+    Character, CharacterError, DetailRefiner, Extrapolation, Pose, RigFileError, Skeleton, Skin, SkinWeights,
 };
 use plumbline_shape::mesh::{Model, TriMesh};
 
@@ -243,12 +243,13 @@ fn poses(
     let fraction = |k: u32| if settings.frames <= 1 { 1.0 } else { f64::from(k) / f64::from(settings.frames - 1) };
     if let Some(path) = settings.pose.as_deref().map(Path::new) {
         // A pose file: solve for its targets once, then interpolate from rest.
-        let refused = |e: plumbline_shape::character::pose_file::PoseFileError| {
-            RunError::Input(format!("{}: {e}", path.display()))
-        };
-        let wanted = TargetPose::read(path, character).map_err(refused)?;
-        let found =
-            wanted.solve(character, settings.ik, settings.iterations as usize, &context.job.run()).map_err(refused)?;
+        let invalid = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
+        let wanted = TargetPose::read(path, character).map_err(|e| invalid(&e))?;
+        let found = wanted.solve(character, settings.ik, settings.iterations as usize, &context.job.run());
+        let found = found.map_err(|e| match e {
+            CharacterError::Interrupted(stopped) => stopped.into(),
+            e => invalid(&e),
+        })?;
         // Targets out of reach are reported with their distance.
         let far = MISSED * character.model.mesh().diagonal();
         for (k, missed) in found.residuals.iter().enumerate().filter(|(_, m)| **m > far) {

@@ -17,13 +17,13 @@ use crate::pipeline::run_error::RunError;
 use plumbline_num::document::read_text;
 use plumbline_num::run::Run;
 use plumbline_shape::character::extraction::{
-    ContractionStep, ExtractionError, ExtractionOptions, ExtractionReport, Keep, extract, skeleton_of,
+    ContractionStep, ExtractionOptions, ExtractionReport, Keep, extract, skeleton_of,
 };
-use plumbline_shape::character::fitting::{FitError, fit_template};
+use plumbline_shape::character::fitting::fit_template;
 use plumbline_shape::character::io::{Rig, read_rig, rig_text};
 use plumbline_shape::character::skeleton_file::SkeletonFile;
 use plumbline_shape::character::weights::{WeightOptions, bone_weights};
-use plumbline_shape::character::{Character, CurveSkeleton, Skeleton, Skin};
+use plumbline_shape::character::{Character, CharacterError, CurveSkeleton, Skeleton, Skin};
 use plumbline_shape::mesh::io::{WriteOptions, encode_model};
 use plumbline_shape::mesh::{MeshFormat, Model};
 
@@ -155,8 +155,8 @@ fn fitted(
     let mesh = context.summary.surface.as_ref().map_or_else(|| "the mesh".to_owned(), |s| s.name.clone());
     // The template fitted to the curve.
     let fit = fit_template(&rig.skeleton, curve, &context.job.run()).map_err(|e| match e {
-        FitError::Template { .. } => RunError::Input(format!("{}: {e}", path.display())),
-        FitError::Character(_) => RunError::Internal(e.to_string()),
+        CharacterError::Template(_) => RunError::Input(format!("{}: {e}", path.display())),
+        CharacterError::Interrupted(stopped) => stopped.into(),
         _ => RunError::Input(format!("{mesh}: {e}")),
     })?;
     // The summary, and what the user should check.
@@ -193,11 +193,11 @@ fn fitted(
     Ok(Rig { skeleton: fit.skeleton, clips, warnings: Vec::new() })
 }
 
-fn refused(error: &ExtractionError) -> RunError {
+fn refused(error: &CharacterError) -> RunError {
     match error {
-        ExtractionError::Interrupted(stopped) => (*stopped).into(),
-        ExtractionError::Option { .. } => RunError::Usage(error.to_string()),
-        ExtractionError::Numerics(_) => RunError::Internal(error.to_string()),
+        CharacterError::Interrupted(stopped) => (*stopped).into(),
+        CharacterError::Option { .. } => RunError::Usage(error.to_string()),
+        CharacterError::Solve(_) => RunError::Internal(error.to_string()),
         _ => RunError::Input(error.to_string()),
     }
 }

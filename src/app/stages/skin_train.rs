@@ -20,13 +20,13 @@ use crate::pipeline::port_value::Written;
 use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::character::ik::IkMethod;
-use plumbline_shape::character::io::{Rig, RigFileError, character_of};
+use plumbline_shape::character::io::{Rig, character_of};
 use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{
     Example, Reduced, RegressionModel, RegressionOptions, SkinModel, fit_joints, tuned,
 };
 use plumbline_shape::character::weights::WeightMethod;
-use plumbline_shape::character::{Character, CharacterError, Skeleton, Skin, SkinWeights};
+use plumbline_shape::character::{Character, CharacterError, RigFileError, Skeleton, Skin, SkinWeights};
 use plumbline_shape::mesh::{Model, ReadLimits, TriMesh, read_model};
 
 /// Settings of `skin.train`.

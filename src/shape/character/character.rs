@@ -41,8 +41,8 @@ impl Character {
     /// A model bound to a skeleton, without morph targets or clips.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] if the weights belong to another mesh, [`CharacterError::Matrices`] if the matrices belong to
-    /// another skeleton.
+    /// [`CharacterError::PerVertex`] if the weights belong to another mesh, [`CharacterError::Input`] if the matrices belong to another
+    /// skeleton.
     pub fn new(model: Model, skeleton: Skeleton, skin: Arc<Skin>) -> Result<Self, CharacterError> {
         let vertices = model.mesh().vertex_count();
         CharacterError::check_per_vertex("rows of weights", skin.weights().vertex_count(), vertices)?;
@@ -53,10 +53,13 @@ impl Character {
     /// The clip with this name.
     ///
     /// # Errors
-    /// [`CharacterError::UnknownClip`], with the names of all clips.
+    /// [`CharacterError::Input`], with the names of all clips.
     pub fn clip(&self, name: &str) -> Result<&Clip, CharacterError> {
-        let known = || self.clips.iter().map(|c| format!("{:?}", c.name())).collect::<Vec<_>>().join(", ");
-        let unknown = || CharacterError::UnknownClip { name: name.to_owned(), known: known() };
+        let unknown = || {
+            let known: Vec<String> = self.clips.iter().map(|c| format!("{:?}", c.name())).collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            CharacterError::Input(format!("there is no clip {name:?} (known: {known})"))
+        };
         self.clips.iter().find(|clip| clip.name() == name).ok_or_else(unknown)
     }
 
@@ -68,10 +71,12 @@ impl Character {
     /// Morphed positions in the bind pose: `p + Σ wₖ dₖ`.
     ///
     /// # Errors
-    /// [`CharacterError::MorphWeights`] if the number of weights differs from the number of targets.
+    /// [`CharacterError::Input`] if the number of weights differs from the number of targets.
     pub fn morphed(&self, weights: &[f64]) -> Result<Vec<Point3<f64>>, CharacterError> {
         if weights.len() != self.targets.len() {
-            return Err(CharacterError::MorphWeights { given: weights.len(), targets: self.targets.len() });
+            let (given, targets) = (weights.len(), self.targets.len());
+            let fault = format!("{given} weights do not fit {targets} morph targets: give one for each");
+            return Err(CharacterError::Input(fault));
         }
         let mut positions = self.model.mesh().positions().to_vec();
         for (target, &weight) in self.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {

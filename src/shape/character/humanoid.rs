@@ -56,7 +56,7 @@ const CREASE: f64 = 0.04;
 /// A humanoid of capsules, meshed with this cell size; 0.036 gives about seven thousand vertices.
 ///
 /// # Errors
-/// [`CharacterError::Weightless`] and others if the cells are so coarse that the surface is empty.
+/// [`CharacterError`] if the cells are so coarse that the surface is empty.
 pub fn humanoid(cell: f64) -> Result<Character, CharacterError> {
     let skeleton = skeleton()?;
     let limbs = limbs(&skeleton);

@@ -37,16 +37,15 @@ pub mod weights;
 mod weights_file;
 
 pub use character::{Character, MorphShape};
-pub use clip::{Clip, ClipError, Curve, Extrapolation, Interpolation, Keys, MorphTrack, RotationKeys, Track};
+pub use clip::{Clip, Curve, Extrapolation, Interpolation, Keys, MorphTrack, RotationKeys, Track};
 pub use curve::CurveSkeleton;
-pub use error::CharacterError;
+pub use error::{CharacterError, RigFileError};
 pub use limits::{Limits, SwingTwist};
 pub use pose::Pose;
 pub use refinement::DetailRefiner;
 pub use skeleton::{Bone, Joint, Skeleton};
 pub use skin::Skin;
 pub use skin_weights::{Influence, Normalization, SkinWeights};
-#[cfg(feature = "schema")]
+pub use weights_file::WeightsFile;
 #[cfg(feature = "schema")]
 pub use weights_file::weights_file_schema;
-pub use weights_file::{WeightsFile, WeightsFileError};

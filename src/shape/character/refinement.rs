@@ -49,7 +49,7 @@ impl DetailRefiner {
     /// The refined surface for `skinned` positions in the pose of `matrices`.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] for positions of another mesh, [`CharacterError::Matrices`] for another number of joints,
+    /// [`CharacterError::PerVertex`] for positions of another mesh, [`CharacterError::Input`] for another number of joints,
     /// [`CharacterError::Interrupted`].
     pub fn refined(
         &mut self,

@@ -49,13 +49,14 @@ impl Skeleton {
     /// Builds a skeleton.
     ///
     /// # Errors
-    /// [`CharacterError`]: `NoJoints`, `TooManyJoints`, `NoSuchParent`, `Cycle`, `DuplicateName`, `JointNotFinite`, `Limits`.
+    /// [`CharacterError::Input`]: no joints or too many, a parent that does not exist, a cycle, two joints of one name, a frame that is not
+    /// finite, invalid limits.
     pub fn new(joints: Vec<Joint>) -> Result<Self, CharacterError> {
         if joints.is_empty() {
-            return Err(CharacterError::NoJoints);
+            return refused("the skeleton has no joint; give it at least one".to_owned());
         }
         if joints.len() > MAX_JOINTS {
-            return Err(CharacterError::TooManyJoints { joints: joints.len(), most: MAX_JOINTS });
+            return refused(format!("{} joints are too many (at most {MAX_JOINTS})", joints.len()));
         }
         check_each(&joints)?;
         check_names(&joints)?;
@@ -102,7 +103,7 @@ impl Skeleton {
     /// Index of the joint with this name.
     ///
     /// # Errors
-    /// [`CharacterError::UnknownJoint`], with the closest existing name.
+    /// [`CharacterError::Input`], with the closest existing name.
     pub fn named(&self, name: &str) -> Result<u32, CharacterError> {
         let names = || self.joints.iter().map(|j| j.name.as_str()).collect::<Vec<_>>();
         self.find(name).ok_or_else(|| unknown_name(name, &names()))
@@ -116,13 +117,11 @@ impl Skeleton {
     /// `world_from_joint` of every joint in a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Pose`] for a wrong number of joints, [`CharacterError::JointNotFinite`].
+    /// [`CharacterError::Input`] for a wrong number of joints or a frame that is not finite.
     pub fn globals(&self, pose: &Pose) -> Result<Vec<Matrix4<f64>>, CharacterError> {
-        if pose.locals.len() != self.joints.len() {
-            return Err(CharacterError::Pose { given: pose.locals.len(), joints: self.joints.len() });
-        }
+        CharacterError::check_pose(pose.locals.len(), self.joints.len())?;
         if let Some(j) = pose.locals.iter().position(|t| !t.is_finite()) {
-            return Err(CharacterError::JointNotFinite { what: "pose", joint: self.joints[j].name.clone() });
+            return refused(format!("the pose of joint {:?} is not finite", self.joints[j].name));
         }
         Ok(self.chained(&pose.locals))
     }
@@ -173,14 +172,19 @@ fn origin(frame: &Matrix4<f64>) -> Point3<f64> {
     Point3::new(frame[(0, 3)], frame[(1, 3)], frame[(2, 3)])
 }
 
+fn refused<T>(fault: String) -> Result<T, CharacterError> {
+    Err(CharacterError::Input(fault))
+}
+
 fn check_each(joints: &[Joint]) -> Result<(), CharacterError> {
     for joint in joints {
-        let name = || joint.name.clone();
-        if let Some(parent) = joint.parent.filter(|p| *p as usize >= joints.len()) {
-            return Err(CharacterError::NoSuchParent { joint: name(), parent, joints: joints.len() });
+        let (name, count) = (&joint.name, joints.len());
+        if let Some(parent) = joint.parent.filter(|p| *p as usize >= count) {
+            let there = format!("but the skeleton has {count} joints, numbered from 0");
+            return refused(format!("joint {name:?} has the parent {parent}, {there}"));
         }
         if !joint.rest.is_finite() {
-            return Err(CharacterError::JointNotFinite { what: "rest frame", joint: name() });
+            return refused(format!("the rest frame of joint {name:?} is not finite"));
         }
         if let Some(limits) = &joint.limits {
             limits.check(&joint.name)?;
@@ -193,7 +197,7 @@ fn check_names(joints: &[Joint]) -> Result<(), CharacterError> {
     let mut first_of = HashMap::with_capacity(joints.len());
     for (second, joint) in joints.iter().enumerate() {
         if let Some(first) = first_of.insert(joint.name.as_str(), second) {
-            return Err(CharacterError::DuplicateName { name: joint.name.clone(), first, second });
+            return refused(format!("joints {first} and {second} are both named {:?}; names must differ", joint.name));
         }
     }
     Ok(())
@@ -231,16 +235,19 @@ fn cycle(joints: &[Joint], start: usize) -> CharacterError {
         at = parent(at);
         names.push(&joints[at].name);
         if at == first {
-            return CharacterError::Cycle { cycle: names.join(" → ") };
+            let cycle = names.join(" → ");
+            let remedy = "make one of them a root or give it another parent";
+            return CharacterError::Input(format!("joints form a cycle: {cycle}; {remedy}"));
         }
     }
 }
 
-/// `UnknownJoint` with the closest known name, if its edit distance is at most half the length of `name`.
+/// Reports an unknown joint with the closest known name, if its edit distance is at most half the length of `name`.
 pub(super) fn unknown_name(name: &str, known: &[&str]) -> CharacterError {
     let like = |other: &&&str| edit_distance(name, other);
     let nearest = known.iter().min_by_key(like).filter(|other| like(other) <= name.chars().count() / 2);
-    CharacterError::UnknownJoint { name: name.to_owned(), nearest: nearest.map(|n| (*n).to_owned()) }
+    let hint = nearest.map_or_else(String::new, |n| format!("; did you mean {n:?}?"));
+    CharacterError::Input(format!("there is no joint {name:?}{hint}"))
 }
 
 /// Levenshtein distance.

@@ -15,7 +15,7 @@ impl Skin {
     /// A skin with given inverse bind matrices (`joint_from_world` in the bind pose), one per joint.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] if the numbers of joints and matrices differ, [`CharacterError::Matrix`].
+    /// [`CharacterError::Input`] if the numbers of joints and matrices differ or a matrix is not affine.
     pub fn new(weights: SkinWeights, inverse_bind: Vec<Matrix4<f64>>) -> Result<Self, CharacterError> {
         CharacterError::check_matrices(weights.joint_count(), inverse_bind.len())?;
         check_affine(&inverse_bind)?;
@@ -25,9 +25,9 @@ impl Skin {
     /// A skin bound to a skeleton in its rest pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for weights of another skeleton, [`CharacterError::FlatJoint`].
+    /// [`CharacterError::Input`] for weights of another skeleton or a joint with zero scale.
     pub fn bound(weights: SkinWeights, skeleton: &Skeleton) -> Result<Self, CharacterError> {
-        let flat = |j: usize| CharacterError::FlatJoint { joint: skeleton.joints()[j].name.clone() };
+        let flat = |j: usize| CharacterError::flat_joint(&skeleton.joints()[j].name);
         let globals = skeleton.rest_globals();
         let inverses = globals.iter().enumerate().map(|(j, g)| g.try_inverse().ok_or_else(|| flat(j)));
         Self::new(weights, inverses.collect::<Result<_, _>>()?)
@@ -46,7 +46,7 @@ impl Skin {
     /// Skin matrices: `world_from_joint · joint_from_world` of the bind pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Input`] for a wrong number of joints or a matrix that is not affine.
     pub fn joint_matrices(&self, globals: &[Matrix4<f64>]) -> Result<Vec<Matrix4<f64>>, CharacterError> {
         CharacterError::check_matrices(self.inverse_bind.len(), globals.len())?;
         check_affine(globals)?;
@@ -58,11 +58,15 @@ impl Skin {
 pub(super) fn check_affine(matrices: &[Matrix4<f64>]) -> Result<(), CharacterError> {
     for (joint, m) in matrices.iter().enumerate() {
         if !m.iter().all(|c| c.is_finite()) {
-            return Err(CharacterError::Matrix { joint, what: "not finite" });
+            return Err(invalid_matrix(joint, "not finite"));
         }
         if (m.row(3) - Matrix4::identity().row(3)).amax() > 1e-6 {
-            return Err(CharacterError::Matrix { joint, what: "projective" });
+            return Err(invalid_matrix(joint, "projective"));
         }
     }
     Ok(())
+}
+
+pub(super) fn invalid_matrix(joint: usize, fault: &str) -> CharacterError {
+    CharacterError::Input(format!("the matrix of joint {joint} is {fault} (expected a finite affine map)"))
 }

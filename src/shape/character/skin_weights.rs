@@ -39,7 +39,7 @@ impl SkinWeights {
     /// Weights that already sum to one; they are stored unchanged. Zeros are dropped, weights of a repeated joint are added.
     ///
     /// # Errors
-    /// [`CharacterError`]: `NoSuchJoint`, `Weight`, `Weightless`, `WeightSum`.
+    /// [`CharacterError::Input`]: a joint that does not exist, a negative weight, a vertex without weights or with another sum.
     pub fn new<R>(joint_count: usize, rows: impl IntoIterator<Item = R>) -> Result<Self, CharacterError>
     where
         R: IntoIterator<Item = (u32, f64)>,
@@ -48,7 +48,8 @@ impl SkinWeights {
         weights.check_weightless()?;
         let off = |(_, sum): &(usize, f64)| !((sum - 1.0).abs() <= SUM_TOLERANCE);
         if let Some((vertex, sum)) = weights.sums().enumerate().find(off) {
-            return Err(CharacterError::WeightSum { vertex, sum, tolerance: SUM_TOLERANCE });
+            let expected = format!("(expected 1 ± {SUM_TOLERANCE:e}); normalize them first");
+            return Err(CharacterError::Input(format!("the weights of vertex {vertex} sum to {sum} {expected}")));
         }
         Ok(weights)
     }
@@ -56,7 +57,7 @@ impl SkinWeights {
     /// Weights of any positive sum, normalized. Vertices without weights are assigned to `weightless`, or rejected if it is `None`.
     ///
     /// # Errors
-    /// [`CharacterError`]: `NoSuchJoint`, `Weight`, `Weightless`.
+    /// [`CharacterError::Input`]: a joint that does not exist, a negative weight, a vertex without weights.
     pub fn normalized<R>(
         joint_count: usize,
         rows: impl IntoIterator<Item = R>,
@@ -91,7 +92,7 @@ impl SkinWeights {
     /// Rigid skinning: every vertex has a single joint.
     ///
     /// # Errors
-    /// [`CharacterError::NoSuchJoint`].
+    /// [`CharacterError::Input`] for a joint that does not exist.
     pub fn rigid(joint_count: usize, joints: &[u32]) -> Result<Self, CharacterError> {
         Self::new(joint_count, joints.iter().map(|&j| [(j, 1.0)]))
     }
@@ -201,7 +202,8 @@ impl SkinWeights {
             one.clear();
             for (joint, weight) in row {
                 if !(weight >= 0.0 && weight.is_finite()) {
-                    return Err(CharacterError::Weight { vertex, joint, weight });
+                    let weight = format!("the weight {weight} of vertex {vertex} for joint {joint}");
+                    return Err(CharacterError::Input(format!("{weight} is invalid (expected 0 or more, finite)")));
                 }
                 if weight == 0.0 {
                     continue;
@@ -223,14 +225,19 @@ impl SkinWeights {
         if (joint as usize) < self.joint_count {
             return Ok(());
         }
-        Err(CharacterError::NoSuchJoint { vertex, joint, joints: self.joint_count })
+        let there = format!("but the skin has {} joints, numbered from 0", self.joint_count);
+        Err(CharacterError::Input(format!("vertex {vertex} follows joint {joint}, {there}")))
     }
 
     fn check_weightless(&self) -> Result<(), CharacterError> {
         let mut empty = self.rows().enumerate().filter(|(_, r)| r.is_empty()).map(|(v, _)| v);
         match empty.next() {
             None => Ok(()),
-            Some(vertex) => Err(CharacterError::Weightless { vertex, count: 1 + empty.count() }),
+            Some(vertex) => {
+                let count = 1 + empty.count();
+                let first = format!("the first is vertex {vertex}; give each a weight above 0");
+                Err(CharacterError::Input(format!("{count} vertices have no weight, {first}")))
+            }
         }
     }
 

@@ -14,33 +14,11 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{CharacterError, Skeleton, SkinWeights};
-use plumbline_num::document::{DocumentError, Kind};
+use super::{CharacterError, RigFileError, Skeleton, SkinWeights};
+use plumbline_num::document::Kind;
 
 /// Size limit: eight influences for each of two million vertices.
 const KIND: Kind = Kind { name: "a file of weights", format: "plumbline.weights", max_bytes: 1 << 29 };
-
-/// Why a weight file was rejected.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum WeightsFileError {
-    /// Input: not a readable document of this format.
-    #[error(transparent)]
-    Document(#[from] DocumentError),
-    /// Input: a row that is not a list of joint–weight pairs.
-    #[error("row {row}: {what} (expected pairs of a joint index, 0 to {most}, and its weight)")]
-    Row {
-        /// Index of the row, from 0.
-        row: usize,
-        /// What is wrong.
-        what: String,
-        /// Largest joint index.
-        most: usize,
-    },
-    /// Input: invalid weights, or joints that the skeleton does not have.
-    #[error(transparent)]
-    Weights(#[from] CharacterError),
-}
 
 /// Skin weights and the names of their joints.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,12 +56,9 @@ impl WeightsFile {
     /// Weights of a skeleton with all its joint names.
     ///
     /// # Errors
-    /// [`CharacterError::Pose`] if the numbers of joints differ.
+    /// [`CharacterError::Input`] if the numbers of joints differ.
     pub fn of(skeleton: &Skeleton, weights: &SkinWeights) -> Result<Self, CharacterError> {
-        let (given, joints) = (weights.joint_count(), skeleton.joint_count());
-        if given != joints {
-            return Err(CharacterError::Pose { given, joints });
-        }
+        CharacterError::check_pose(weights.joint_count(), skeleton.joint_count())?;
         let joints = skeleton.joints().iter().map(|j| j.name.clone()).collect();
         Ok(Self { joints, weights: weights.clone() })
     }
@@ -91,16 +66,16 @@ impl WeightsFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`WeightsFileError::Document`] and all errors of [`Self::parse`].
-    pub fn read(path: &Path) -> Result<Self, WeightsFileError> {
+    /// [`RigFileError::Document`] and all errors of [`Self::parse`].
+    pub fn read(path: &Path) -> Result<Self, RigFileError> {
         Self::parse(&KIND.text(path)?)
     }
 
     /// Parses a document.
     ///
     /// # Errors
-    /// [`WeightsFileError`]: not this format or version, malformed rows, weights that do not sum to one.
-    pub fn parse(text: &str) -> Result<Self, WeightsFileError> {
+    /// [`RigFileError`]: not this format or version, malformed rows, weights that do not sum to one.
+    pub fn parse(text: &str) -> Result<Self, RigFileError> {
         let document: Document = KIND.parse(text)?;
         let joints = document.joints.len();
         let rows = document.rows.iter().enumerate().map(|(row, numbers)| influences(row, numbers, joints));
@@ -129,7 +104,7 @@ impl WeightsFile {
     /// The weights indexed by the joints of a skeleton, matched by name. Joints without influence may be missing from the skeleton.
     ///
     /// # Errors
-    /// [`CharacterError::UnknownJoint`].
+    /// [`CharacterError::Input`] for a joint that the skeleton does not have.
     pub fn for_skeleton(&self, skeleton: &Skeleton) -> Result<SkinWeights, CharacterError> {
         let mut followed = vec![false; self.joints.len()];
         self.weights.rows().flatten().for_each(|i| followed[i.joint as usize] = true);
@@ -142,8 +117,11 @@ impl WeightsFile {
 }
 
 /// Splits a row into pairs of a joint index and its weight.
-fn influences(row: usize, numbers: &[f64], joints: usize) -> Result<Vec<(u32, f64)>, WeightsFileError> {
-    let refused = |what: String| WeightsFileError::Row { row, what, most: joints.saturating_sub(1) };
+fn influences(row: usize, numbers: &[f64], joints: usize) -> Result<Vec<(u32, f64)>, RigFileError> {
+    let refused = |what: String| {
+        let expected = format!("pairs of a joint index, 0 to {}, and its weight", joints.saturating_sub(1));
+        RigFileError::Content(format!("row {row}: {what} (expected {expected})"))
+    };
     let (pairs, rest) = numbers.as_chunks::<2>();
     if !rest.is_empty() {
         return Err(refused(format!("{} numbers", numbers.len())));

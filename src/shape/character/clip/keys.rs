@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::ClipError;
+use crate::character::CharacterError;
 
 /// Interpolation between keys.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,9 +35,16 @@ impl<const N: usize> Keys<N> {
     /// Keyframes at times in seconds.
     ///
     /// # Errors
-    /// [`ClipError`]: `Keys`, `Order`, `Value`.
-    pub fn new(times: Vec<f64>, values: Vec<[f64; N]>, interpolation: Interpolation<N>) -> Result<Self, ClipError> {
-        let miscounted = |count: usize| ClipError::Keys { times: times.len(), values: count };
+    /// [`CharacterError::Input`]: a count that differs, times that do not ascend, a value that is not finite.
+    pub fn new(
+        times: Vec<f64>,
+        values: Vec<[f64; N]>,
+        interpolation: Interpolation<N>,
+    ) -> Result<Self, CharacterError> {
+        let miscounted = |count: usize| {
+            let counts = format!("{} key times and {count} values", times.len());
+            CharacterError::Input(format!("{counts}: give at least one key, and one value for each"))
+        };
         if times.is_empty() || times.len() != values.len() {
             return Err(miscounted(values.len()));
         }
@@ -52,13 +59,15 @@ impl<const N: usize> Keys<N> {
         let mut before = f64::NEG_INFINITY;
         for (key, &time) in times.iter().enumerate() {
             if !(time > before && time < f64::INFINITY) {
-                return Err(ClipError::Order { key, time, before });
+                let expected = "times of keys must be finite and ascend";
+                let fault = format!("key {key} is at {time} s, after one at {before} s; {expected}");
+                return Err(CharacterError::Input(fault));
             }
             before = time;
         }
         for row in rows {
             if let Some(key) = row.iter().position(|value| !value.iter().all(|x| x.is_finite())) {
-                return Err(ClipError::Value { key, what: "not finite" });
+                return Err(CharacterError::Input(format!("the value of key {key} is not finite")));
             }
         }
         Ok(Self { times, values, interpolation })
@@ -67,8 +76,8 @@ impl<const N: usize> Keys<N> {
     /// A constant curve.
     ///
     /// # Errors
-    /// [`ClipError::Value`].
-    pub fn constant(value: [f64; N]) -> Result<Self, ClipError> {
+    /// [`CharacterError::Input`] for a value that is not finite.
+    pub fn constant(value: [f64; N]) -> Result<Self, CharacterError> {
         Self::new(vec![0.0], vec![value], Interpolation::Step)
     }
 

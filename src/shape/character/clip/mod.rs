@@ -12,7 +12,6 @@
 //! M.-J. Kim, M.-S. Kim, S. Y. Shin, *A General Construction Scheme for Unit Quaternion Curves with Simple High Order
 //! Derivatives*, SIGGRAPH 1995, §4 (Hermite quaternion curve). Khronos Group, *glTF 2.0*, appendix C (interpolation).
 
-mod error;
 mod keys;
 mod retiming;
 mod rotation;
@@ -21,9 +20,8 @@ mod tests;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::{Pose, Skeleton};
+use super::{CharacterError, Pose, Skeleton};
 
-pub use error::ClipError;
 pub use keys::{Interpolation, Keys};
 pub use rotation::RotationKeys;
 
@@ -97,19 +95,13 @@ impl Clip {
     /// A clip.
     ///
     /// # Errors
-    /// [`ClipError::TwiceMoved`] if two tracks animate one property.
-    pub fn new(name: impl Into<String>, tracks: Vec<Track>, morphs: Vec<MorphTrack>) -> Result<Self, ClipError> {
+    /// [`CharacterError::Input`] if two tracks animate one property.
+    pub fn new(name: impl Into<String>, tracks: Vec<Track>, morphs: Vec<MorphTrack>) -> Result<Self, CharacterError> {
         let (name, mut seen) = (name.into(), std::collections::HashSet::new());
-        for track in &tracks {
-            if !seen.insert((track.joint, track.curve.property())) {
-                let (what, number) = (track.curve.property(), track.joint);
-                return Err(ClipError::TwiceMoved { clip: name, what, number });
-            }
-        }
-        for morph in &morphs {
-            if !seen.insert((morph.target, "weight")) {
-                return Err(ClipError::TwiceMoved { clip: name, what: "weight of morph target", number: morph.target });
-            }
+        let of_joints = tracks.iter().map(|track| (track.curve.property(), track.joint));
+        let of_targets = morphs.iter().map(|morph| ("weight of morph target", morph.target));
+        if let Some((what, number)) = of_joints.chain(of_targets).find(|moved| !seen.insert(*moved)) {
+            return Err(CharacterError::Input(format!("clip {name:?} has two tracks for the {what} {number}")));
         }
         Ok(Self { name, tracks, morphs })
     }
@@ -146,23 +138,21 @@ impl Clip {
     /// Checks that all animated joints and morph targets exist.
     ///
     /// # Errors
-    /// [`ClipError::Unknown`].
-    pub fn check(&self, joints: usize, targets: usize) -> Result<(), ClipError> {
-        let unknown = |what, number, there| Err(ClipError::Unknown { clip: self.name.clone(), what, number, there });
-        if let Some(track) = self.tracks.iter().find(|t| t.joint as usize >= joints) {
-            return unknown("joint", track.joint, joints);
-        }
-        if let Some(morph) = self.morphs.iter().find(|m| m.target as usize >= targets) {
-            return unknown("morph target", morph.target, targets);
-        }
-        Ok(())
+    /// [`CharacterError::Input`].
+    pub fn check(&self, joints: usize, targets: usize) -> Result<(), CharacterError> {
+        let of_joints = self.tracks.iter().map(|track| ("joint", track.joint, joints));
+        let of_targets = self.morphs.iter().map(|morph| ("morph target", morph.target, targets));
+        let unknown = |(_, number, there): &(&str, u32, usize)| *number as usize >= *there;
+        let Some((what, number, there)) = of_joints.chain(of_targets).find(unknown) else { return Ok(()) };
+        let known = format!("but there are {there}, numbered from 0");
+        Err(CharacterError::Input(format!("clip {:?} moves {what} {number}, {known}", self.name)))
     }
 
     /// The pose at a time, s; properties without a track are at rest.
     ///
     /// # Errors
-    /// [`ClipError::Unknown`] if the skeleton lacks an animated joint.
-    pub fn pose(&self, skeleton: &Skeleton, time: f64, extrapolation: Extrapolation) -> Result<Pose, ClipError> {
+    /// [`CharacterError::Input`] if the skeleton lacks an animated joint.
+    pub fn pose(&self, skeleton: &Skeleton, time: f64, extrapolation: Extrapolation) -> Result<Pose, CharacterError> {
         self.check(skeleton.joint_count(), usize::MAX)?;
         let (time, mut pose) = (self.inside(time, extrapolation), skeleton.rest_pose());
         for track in &self.tracks {
@@ -179,8 +169,8 @@ impl Clip {
     /// Weights of `rest.len()` morph targets at a time, s; targets without a track have their weight in `rest`.
     ///
     /// # Errors
-    /// [`ClipError::Unknown`] if a track animates a target beyond those.
-    pub fn weights(&self, rest: &[f64], time: f64, extrapolation: Extrapolation) -> Result<Vec<f64>, ClipError> {
+    /// [`CharacterError::Input`] if a track animates a target beyond those.
+    pub fn weights(&self, rest: &[f64], time: f64, extrapolation: Extrapolation) -> Result<Vec<f64>, CharacterError> {
         self.check(usize::MAX, rest.len())?;
         let (time, mut weights) = (self.inside(time, extrapolation), rest.to_vec());
         for morph in &self.morphs {
@@ -208,6 +198,6 @@ pub fn rotations(
     times: Vec<f64>,
     rotations: &[UnitQuaternion<f64>],
     interpolation: Interpolation<4>,
-) -> Result<RotationKeys, ClipError> {
+) -> Result<RotationKeys, CharacterError> {
     RotationKeys::new(Keys::new(times, rotations.iter().map(|q| q.coords.into()).collect(), interpolation)?)
 }

@@ -2,7 +2,8 @@
 
 use nalgebra::UnitQuaternion;
 
-use super::{Clip, ClipError, Curve, Interpolation, Keys, MorphTrack, RotationKeys, Track, rotations};
+use super::{Clip, Curve, Interpolation, Keys, MorphTrack, RotationKeys, Track, rotations};
+use crate::character::CharacterError;
 use plumbline_num::options::OptionError;
 
 /// Largest number of samples per curve: four hours at 60 per second; it bounds memory to 40 MB per rotation curve.
@@ -13,8 +14,8 @@ impl Clip {
     /// same keys on a slightly different path, because the cumulative form is not symmetric in time.
     ///
     /// # Errors
-    /// [`ClipError::Option`] for a speed of 0 or non-finite values, [`ClipError::Order`] if keys coincide after rounding.
-    pub fn retimed(&self, start: f64, speed: f64) -> Result<Self, ClipError> {
+    /// [`CharacterError::Option`] for a speed of 0 or non-finite values, [`CharacterError::Input`] if keys coincide after rounding.
+    pub fn retimed(&self, start: f64, speed: f64) -> Result<Self, CharacterError> {
         OptionError::check(speed != 0.0 && speed.is_finite(), "speed", speed, "any number but 0")?;
         self.each_curve(&Change { start, speed })
     }
@@ -22,8 +23,8 @@ impl Clip {
     /// The clip between two times, s, shifted to start at 0, with linear keys every `1 / rate` seconds and at both ends.
     ///
     /// # Errors
-    /// [`ClipError::Option`] if the span is empty or the rate is out of range.
-    pub fn sampled(&self, from: f64, to: f64, rate: f64) -> Result<Self, ClipError> {
+    /// [`CharacterError::Option`] if the span is empty or the rate is out of range.
+    pub fn sampled(&self, from: f64, to: f64, rate: f64) -> Result<Self, CharacterError> {
         OptionError::check(to > from && (to - from).is_finite(), "end", to, "later than the start, s")?;
         let few = rate > 0.0 && (to - from) * rate < MAX_KEYS;
         OptionError::check(few, "rate", rate, "above 0 per second, at most 10⁶ keys")?;
@@ -34,7 +35,7 @@ impl Clip {
         self.each_curve(&Samples { from, times })
     }
 
-    fn each_curve(&self, change: &impl Retiming) -> Result<Self, ClipError> {
+    fn each_curve(&self, change: &impl Retiming) -> Result<Self, CharacterError> {
         let track = |track: &Track| {
             let curve = match &track.curve {
                 Curve::Translation(keys) => Curve::Translation(change.keys(keys)?),
@@ -44,15 +45,15 @@ impl Clip {
             Ok(Track { joint: track.joint, curve })
         };
         let morph = |m: &MorphTrack| Ok(MorphTrack { target: m.target, keys: change.keys(&m.keys)? });
-        let tracks = self.tracks.iter().map(track).collect::<Result<_, ClipError>>()?;
-        let morphs = self.morphs.iter().map(morph).collect::<Result<_, ClipError>>()?;
+        let tracks = self.tracks.iter().map(track).collect::<Result<_, CharacterError>>()?;
+        let morphs = self.morphs.iter().map(morph).collect::<Result<_, CharacterError>>()?;
         Self::new(self.name.clone(), tracks, morphs)
     }
 }
 
 trait Retiming {
-    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError>;
-    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError>;
+    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, CharacterError>;
+    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, CharacterError>;
 }
 
 /// `t ↦ start + t / speed`.
@@ -62,7 +63,7 @@ struct Change {
 }
 
 impl Retiming for Change {
-    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError> {
+    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, CharacterError> {
         let mut times: Vec<f64> = keys.times.iter().map(|t| self.start + t / self.speed).collect();
         let mut values = keys.values.clone();
         let scaled =
@@ -96,7 +97,7 @@ impl Retiming for Change {
         Keys::new(times, values, interpolation)
     }
 
-    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError> {
+    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, CharacterError> {
         RotationKeys::new(self.keys(keys.keys())?)
     }
 }
@@ -108,12 +109,12 @@ struct Samples {
 }
 
 impl Retiming for Samples {
-    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, ClipError> {
+    fn keys<const N: usize>(&self, keys: &Keys<N>) -> Result<Keys<N>, CharacterError> {
         let values = self.times.iter().map(|t| keys.at(self.from + t)).collect();
         Keys::new(self.times.clone(), values, Interpolation::Linear)
     }
 
-    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, ClipError> {
+    fn rotation(&self, keys: &RotationKeys) -> Result<RotationKeys, CharacterError> {
         let turns: Vec<UnitQuaternion<f64>> = self.times.iter().map(|t| keys.at(self.from + t)).collect();
         rotations(self.times.clone(), &turns, Interpolation::Linear)
     }

@@ -3,7 +3,8 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::keys::{hermite, joined_rate};
-use super::{ClipError, Interpolation, Keys};
+use super::{Interpolation, Keys};
+use crate::character::CharacterError;
 
 /// Rotation keyframes.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,13 +15,14 @@ impl RotationKeys {
     /// depend on the length.
     ///
     /// # Errors
-    /// [`ClipError::Value`].
-    pub fn new(mut keys: Keys<4>) -> Result<Self, ClipError> {
+    /// [`CharacterError::Input`].
+    pub fn new(mut keys: Keys<4>) -> Result<Self, CharacterError> {
         let cubic = matches!(keys.interpolation, Interpolation::Cubic { .. });
         for (key, value) in keys.values.iter_mut().enumerate() {
             let norm = Vector4::from(*value).norm();
             if !(norm > 0.0 && norm.is_finite()) {
-                return Err(ClipError::Value { key, what: "no rotation: the quaternion has no length" });
+                let fault = format!("the value of key {key} is no rotation: the quaternion has no length");
+                return Err(CharacterError::Input(fault));
             }
             // Unit quaternions up to rounding keep their bits, so that a file is written as it was read.
             if !cubic && (norm - 1.0).abs() > 4.0 * f64::EPSILON {

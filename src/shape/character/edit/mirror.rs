@@ -5,9 +5,9 @@
 
 use nalgebra::{Matrix4, Point3, Unit, Vector3};
 
-use super::operations::Rig;
-use super::{EditError, Edited};
-use crate::character::{Joint, Limits};
+use super::Edited;
+use super::operations::{Rig, refused};
+use crate::character::{CharacterError, Joint, Limits};
 
 /// A mirror plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,16 +37,18 @@ pub(super) fn apply(
     edited: &mut Edited,
     joint: u32,
     plane: &Plane,
-) -> Result<(), EditError> {
+) -> Result<(), CharacterError> {
     rig.joint(joint)?;
     if !plane.point.iter().chain(plane.normal.iter()).all(|x| x.is_finite()) {
-        return Err(EditError::NotFinite { what: "plane" });
+        return refused("the plane is not finite");
     }
     let map = plane.matrix();
     let flip = Matrix4::new_nonuniform_scaling(&Vector3::new(-1.0, 1.0, 1.0));
     let below: Vec<u32> = parents_first(rig, joint);
     if below.iter().all(|&j| other_side(&rig.joints[j as usize].name).is_none()) {
-        return Err(EditError::NoSide { joint: rig.joint(joint)?.name.clone() });
+        let name = &rig.joint(joint)?.name;
+        let fault = "have no side in their names (such as .L, _left, Right…) that could be swapped";
+        return refused(format!("joint {name:?} and its descendants {fault}"));
     }
     let mut twin: Vec<Option<u32>> = vec![None; rig.joints.len()];
     let mut worlds: Vec<Option<Matrix4<f64>>> = vec![None; rig.joints.len()];

@@ -11,7 +11,6 @@
 //! roll        rotate the frame about the bone                  rename, limits
 //! ```
 
-mod error;
 mod mirror;
 mod operations;
 mod pick;
@@ -20,9 +19,8 @@ mod tests;
 
 use nalgebra::Point3;
 
-use super::{Joint, Limits, Skeleton};
+use super::{CharacterError, Joint, Limits, Skeleton};
 
-pub use error::EditError;
 pub use mirror::{Plane, other_side};
 pub use pick::volume_center;
 
@@ -152,8 +150,8 @@ impl RigEditor {
     /// Applies an edit and clears the redo history.
     ///
     /// # Errors
-    /// [`EditError`]; the rig is unchanged then.
-    pub fn apply(&mut self, edit: Edit) -> Result<Edited, EditError> {
+    /// [`CharacterError::Input`]; the rig is unchanged then.
+    pub fn apply(&mut self, edit: Edit) -> Result<Edited, CharacterError> {
         let (joints, edited) = operations::apply(&self.joints, &edit)?;
         let before = std::mem::replace(&mut self.joints, joints);
         self.done.push((edit, before));

@@ -2,15 +2,15 @@
 
 use nalgebra::{Matrix4, Point3, Unit, UnitQuaternion, Vector3};
 
-use super::{Edit, EditError, Edited, mirror};
-use crate::character::{Joint, Skeleton};
+use super::{Edit, Edited, mirror};
+use crate::character::{CharacterError, Joint, Skeleton};
 use plumbline_num::math::Trs;
 
 /// Largest error of a translation–rotation–scale frame, relative to the largest matrix entry: above rounding, below visible shear.
 const SHEAR_TOLERANCE: f64 = 1e-9;
 
 /// The joints after an edit, and the index map.
-pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited), EditError> {
+pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited), CharacterError> {
     let rig = Rig::of(joints);
     let mut after = joints.to_vec();
     let mut edited = Edited { joint_of: (0..joints.len() as u32).map(Some).collect(), added: Vec::new() };
@@ -40,9 +40,10 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
         Edit::Reparent { joint, parent } => {
             let world = rig.world(*joint)?;
             if let Some(parent) = parent {
-                let above = rig.joint(*parent)?.name.clone();
+                let above = &rig.joint(*parent)?.name;
                 if rig.is_below(*parent, *joint) {
-                    return Err(EditError::Cycle { joint: rig.joint(*joint)?.name.clone(), parent: above });
+                    let name = &rig.joint(*joint)?.name;
+                    return refused(format!("joint {name:?} cannot be a child of {above:?}, its own descendant"));
                 }
             }
             after[*joint as usize].parent = *parent;
@@ -56,7 +57,7 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
         }
         Edit::Roll { joint, angle } => {
             if !angle.is_finite() {
-                return Err(EditError::NotFinite { what: "angle" });
+                return refused("the angle is not finite");
             }
             let (world, bone) = (rig.world(*joint)?, rig.bone(*joint)?);
             let mut linear = Matrix4::from(UnitQuaternion::from_axis_angle(&bone, *angle).to_homogeneous());
@@ -77,8 +78,12 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
     Ok((after, edited))
 }
 
-fn finite(p: &Point3<f64>) -> Result<&Point3<f64>, EditError> {
-    if p.iter().all(|x| x.is_finite()) { Ok(p) } else { Err(EditError::NotFinite { what: "position" }) }
+pub(super) fn refused<T>(fault: impl Into<String>) -> Result<T, CharacterError> {
+    Err(CharacterError::Input(fault.into()))
+}
+
+fn finite(p: &Point3<f64>) -> Result<&Point3<f64>, CharacterError> {
+    if p.iter().all(|x| x.is_finite()) { Ok(p) } else { refused("the position is not finite") }
 }
 
 /// Joints and their world frames.
@@ -93,12 +98,15 @@ impl<'a> Rig<'a> {
         Self { joints, worlds }
     }
 
-    pub(super) fn joint(&self, j: u32) -> Result<&'a Joint, EditError> {
-        self.joints.get(j as usize).ok_or(EditError::Unknown { joint: j, joints: self.joints.len() })
+    pub(super) fn joint(&self, j: u32) -> Result<&'a Joint, CharacterError> {
+        let joints = self.joints.len();
+        self.joints
+            .get(j as usize)
+            .map_or_else(|| refused(format!("there is no joint {j}; there are {joints}, numbered from 0")), Ok)
     }
 
     /// `world_from_joint` at rest.
-    pub(super) fn world(&self, j: u32) -> Result<Matrix4<f64>, EditError> {
+    pub(super) fn world(&self, j: u32) -> Result<Matrix4<f64>, CharacterError> {
         self.joint(j).map(|_| self.worlds[j as usize])
     }
 
@@ -113,18 +121,21 @@ impl<'a> Rig<'a> {
     }
 
     /// The local frame under `parent` that gives this world frame.
-    pub(super) fn local(&self, joint: u32, parent: Option<u32>, world: &Matrix4<f64>) -> Result<Trs, EditError> {
+    pub(super) fn local(&self, joint: u32, parent: Option<u32>, world: &Matrix4<f64>) -> Result<Trs, CharacterError> {
         let above = parent.map_or(Ok(Matrix4::identity()), |p| self.world(p))?;
         self.frame(joint, &above, world)
     }
 
-    fn frame(&self, joint: u32, above: &Matrix4<f64>, world: &Matrix4<f64>) -> Result<Trs, EditError> {
-        let name = || self.joints.get(joint as usize).map_or_else(String::new, |j| j.name.clone());
-        let matrix = above.try_inverse().ok_or_else(|| EditError::Shear { joint: name() })? * world;
+    fn frame(&self, joint: u32, above: &Matrix4<f64>, world: &Matrix4<f64>) -> Result<Trs, CharacterError> {
+        let sheared = || {
+            let name = self.joints.get(joint as usize).map_or("", |j| &j.name);
+            CharacterError::Input(format!("joint {name:?} would be sheared: the frames above it are scaled unevenly"))
+        };
+        let matrix = above.try_inverse().ok_or_else(sheared)? * world;
         let frame = Trs::from_matrix(&matrix);
         // The negated comparison also rejects NaN.
         let kept = (frame.matrix() - matrix).amax() <= SHEAR_TOLERANCE * matrix.amax();
-        if kept { Ok(frame) } else { Err(EditError::Shear { joint: name() }) }
+        if kept { Ok(frame) } else { Err(sheared()) }
     }
 
     pub(super) fn add(
@@ -133,7 +144,7 @@ impl<'a> Rig<'a> {
         edited: &mut Edited,
         (name, parent): (&str, Option<u32>),
         world: &Matrix4<f64>,
-    ) -> Result<(), EditError> {
+    ) -> Result<(), CharacterError> {
         let rest = self.local(after.len() as u32, parent, world)?;
         edited.added.push(after.len() as u32);
         after.push(Joint { name: name.to_owned(), parent, rest, limits: None });
@@ -141,7 +152,13 @@ impl<'a> Rig<'a> {
     }
 
     /// Sets the world frame of a joint; its children follow if `along`, else keep their world frames.
-    fn set_world(&self, after: &mut [Joint], joint: u32, world: &Matrix4<f64>, along: bool) -> Result<(), EditError> {
+    fn set_world(
+        &self,
+        after: &mut [Joint],
+        joint: u32,
+        world: &Matrix4<f64>,
+        along: bool,
+    ) -> Result<(), CharacterError> {
         after[joint as usize].rest = self.local(joint, self.joint(joint)?.parent, world)?;
         for child in self.children(joint).into_iter().filter(|_| !along) {
             after[child as usize].rest = self.frame(child, world, &self.world(child)?)?;
@@ -150,7 +167,7 @@ impl<'a> Rig<'a> {
     }
 
     /// Direction of the bone that a joint's frame is aligned with.
-    fn bone(&self, joint: u32) -> Result<Unit<Vector3<f64>>, EditError> {
+    fn bone(&self, joint: u32) -> Result<Unit<Vector3<f64>>, CharacterError> {
         let at = |j: u32| self.worlds[j as usize].fixed_view::<3, 1>(0, 3).into_owned();
         let children = self.children(joint);
         let along = match (children.as_slice(), self.joint(joint)?.parent) {
@@ -158,9 +175,9 @@ impl<'a> Rig<'a> {
             (_, Some(parent)) => at(joint) - at(parent),
             (_, None) => Vector3::zeros(),
         };
-        let why = "has no bone to roll about: it needs one child, or a parent, at some distance";
-        Unit::try_new(along, 0.0)
-            .ok_or_else(|| EditError::NoBone { joint: self.joints[joint as usize].name.clone(), why })
+        let name = &self.joints[joint as usize].name;
+        let fault = "has no bone to roll about: it needs one child, or a parent, at some distance";
+        Unit::try_new(along, 0.0).map_or_else(|| refused(format!("joint {name:?} {fault}")), Ok)
     }
 }
 
@@ -169,13 +186,14 @@ fn split(
     after: &mut Vec<Joint>,
     edited: &mut Edited,
     (joint, fraction, name): (u32, f64, &str),
-) -> Result<(), EditError> {
+) -> Result<(), CharacterError> {
     if !(fraction > 0.0 && fraction < 1.0) {
-        return Err(EditError::Fraction { fraction });
+        return refused(format!("fraction {fraction} of the bone is invalid (expected more than 0, less than 1)"));
     }
     let described = rig.joint(joint)?;
-    let why = "has no bone to split: it has no parent";
-    let parent = described.parent.ok_or_else(|| EditError::NoBone { joint: described.name.clone(), why })?;
+    let Some(parent) = described.parent else {
+        return refused(format!("joint {:?} has no bone to split: it has no parent", described.name));
+    };
     // The new joint has the frame of its parent, so that both halves of the bone share it.
     let rest = Trs::from_translation(described.rest.translation * fraction);
     let new = after.len() as u32;
@@ -192,7 +210,7 @@ fn remove_joints(
     edited: &mut Edited,
     goes: impl Fn(u32) -> bool,
     heir: Option<u32>,
-) -> Result<(), EditError> {
+) -> Result<(), CharacterError> {
     let mut next = 0;
     let numbers: Vec<Option<u32>> = (0..after.len() as u32)
         .map(|j| {
@@ -202,7 +220,7 @@ fn remove_joints(
         })
         .collect();
     if next == 0 {
-        return Err(EditError::Last);
+        return refused("the last joint cannot be removed");
     }
     let number = |j: u32| numbers[j as usize];
     let mut k = 0;

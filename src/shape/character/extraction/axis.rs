@@ -15,8 +15,8 @@ use nalgebra::{Point3, Vector3};
 use super::aabb::AabbTree;
 use super::centering::{STEP_SMOOTHING_RADII, distances, nearest, tangent};
 use super::curve_graph::CurveGraph;
-use super::error::ExtractionError;
 use super::fairing::Fairing;
+use crate::character::CharacterError;
 use plumbline_num::run::Run;
 
 /// Number of passes. After four, the curves of sixty capsules, straight and bent, are within a hundredth of the radius of their axes; after
@@ -29,7 +29,7 @@ const ROUND_CHORD: f64 = 1.1;
 const FLAT_CHORD: f64 = 1.3;
 
 /// Moves nodes on round limbs to the axis, except junctions, ends and pinned nodes.
-pub(super) fn settle(graph: &mut CurveGraph, tree: &AabbTree, run: &Run) -> Result<(), ExtractionError> {
+pub(super) fn settle(graph: &mut CurveGraph, tree: &AabbTree, run: &Run) -> Result<(), CharacterError> {
     let alive: Vec<u32> = graph.alive().collect();
     let feet = nearest(graph, tree);
     let mut fairing = Fairing::new(graph, &alive, &distances(graph, &feet), STEP_SMOOTHING_RADII, |_| false, run)?;

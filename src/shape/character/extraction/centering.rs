@@ -16,9 +16,9 @@ use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
 use super::curve_graph::CurveGraph;
-use super::error::ExtractionError;
 use super::fairing::Fairing;
 use super::order::Cost;
+use crate::character::CharacterError;
 use plumbline_num::run::Run;
 
 /// Smoothing width of the steps, in radii.
@@ -77,7 +77,7 @@ pub(super) fn center(
     closed: bool,
     passes: usize,
     run: &Run,
-) -> Result<(), ExtractionError> {
+) -> Result<(), CharacterError> {
     let alive: Vec<u32> = graph.alive().collect();
     let pinned = graph.pinned.clone();
     let mut feet: Vec<Option<Foot>> = vec![None; graph.nodes.len()];
@@ -107,7 +107,7 @@ pub(super) fn center(
 }
 
 /// Smooths the curve over a fraction of the local radius; ends are fixed.
-fn smooth(graph: &mut CurveGraph, alive: &[u32], radii: &[f64], share: f64, run: &Run) -> Result<(), ExtractionError> {
+fn smooth(graph: &mut CurveGraph, alive: &[u32], radii: &[f64], share: f64, run: &Run) -> Result<(), CharacterError> {
     let held = |v: u32| graph.pinned[v as usize] || graph.degree(v) < 2;
     let mut fairing = Fairing::new(graph, alive, radii, share, held, run)?;
     let free: Vec<u32> = alive.iter().copied().filter(|v| !held(*v)).collect();

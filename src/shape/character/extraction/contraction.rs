@@ -31,10 +31,10 @@
 use nalgebra::{Point3, Vector3};
 
 use super::complex::Complex;
-use super::error::ExtractionError;
 use super::medial::Ball;
 use super::normal_equations::NormalEquations;
 use super::order::Cost;
+use crate::character::CharacterError;
 use plumbline_num::run::{Run, Stopped};
 
 /// Weights and thresholds of the contraction; lengths relative to the normalized model.
@@ -105,7 +105,7 @@ impl Contraction {
     }
 
     /// One iteration; whether it was the last.
-    pub(super) fn step(&mut self, run: &Run) -> Result<bool, ExtractionError> {
+    pub(super) fn step(&mut self, run: &Run) -> Result<bool, CharacterError> {
         self.solve(run)?;
         if self.collapse_short(run)? {
             self.system = None;
@@ -117,7 +117,7 @@ impl Contraction {
         Ok(lost.abs() < self.weights.tolerance * self.first_area || self.iteration >= self.weights.iterations)
     }
 
-    fn solve(&mut self, run: &Run) -> Result<(), ExtractionError> {
+    fn solve(&mut self, run: &Run) -> Result<(), CharacterError> {
         let mut system = match self.system.take() {
             Some(system) => system,
             None => NormalEquations::analyze(&self.complex)?,

@@ -11,7 +11,7 @@
 use nalgebra::Vector3;
 
 use super::curve_graph::CurveGraph;
-use super::error::ExtractionError;
+use crate::character::CharacterError;
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering};
@@ -37,7 +37,7 @@ impl Fairing {
         share: f64,
         held: impl Fn(u32) -> bool,
         run: &Run,
-    ) -> Result<Self, ExtractionError> {
+    ) -> Result<Self, CharacterError> {
         let mut number = vec![u32::MAX; graph.nodes.len()];
         alive.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
         let slot = |v: u32| number[v as usize] as usize;
@@ -50,13 +50,10 @@ impl Fairing {
         });
         let terms = masses.iter().enumerate().map(|(i, mass)| (i, i, *mass)).chain(weighted);
         let at = alive.iter().map(|v| graph.nodes[*v as usize].coords.into()).collect();
-        let factored = ConstrainedLaplacian::new(alive.len(), terms, |_| false).and_then(|laplacian| {
-            let mut factor = Cholesky::analyze(laplacian.matrix().pattern(), &Ordering::NestedDissection(at))?;
-            factor.reserve_columns(3);
-            factor.factor(laplacian.matrix(), run)?;
-            Ok(factor)
-        });
-        let factor = factored.map_err(ExtractionError::from_sparse)?;
+        let laplacian = ConstrainedLaplacian::new(alive.len(), terms, |_| false)?;
+        let mut factor = Cholesky::analyze(laplacian.matrix().pattern(), &Ordering::NestedDissection(at))?;
+        factor.reserve_columns(3);
+        factor.factor(laplacian.matrix(), run)?;
         Ok(Self { number, masses, factor })
     }
 

@@ -41,7 +41,6 @@ mod contraction;
 mod corner_branches;
 mod curve_graph;
 mod detours;
-mod error;
 mod fairing;
 mod geodesic_extrema;
 mod homology;
@@ -65,9 +64,8 @@ use std::ops::ControlFlow;
 
 use nalgebra::Point3;
 
-use super::{CurveSkeleton, Skeleton};
+use super::{CharacterError, CurveSkeleton, Skeleton};
 use crate::mesh::TriMesh;
-pub use error::ExtractionError;
 pub use joints::skeleton_of;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
@@ -109,20 +107,20 @@ impl Default for ExtractionOptions {
 }
 
 impl ExtractionOptions {
-    fn check(&self, vertices: usize) -> Result<(), ExtractionError> {
+    fn check(&self, vertices: usize) -> Result<(), CharacterError> {
         for (name, value) in
             [("contraction", self.contraction), ("attraction", self.attraction), ("medial", self.medial)]
         {
             OptionError::check(value > 0.0 && value <= 1000.0, name, value, "more than 0, at most 1000")?;
         }
         OptionError::check((0.0..=100.0).contains(&self.prune), "prune", self.prune, "0 to 100")?;
-        match &self.keep {
-            Keep::Vertices(all) => match all.iter().find(|v| **v as usize >= vertices) {
-                Some(&vertex) => Err(ExtractionError::NoSuchVertex { vertex, vertices }),
-                None => Ok(()),
-            },
-            Keep::Nothing | Keep::Extrema => Ok(()),
+        if let Keep::Vertices(all) = &self.keep
+            && let Some(vertex) = all.iter().find(|v| **v as usize >= vertices)
+        {
+            let fault = format!("vertex {vertex} is to be kept, but the mesh has {vertices} vertices, numbered from 0");
+            return Err(CharacterError::Input(fault));
         }
+        Ok(())
     }
 }
 
@@ -176,18 +174,18 @@ pub struct ExtractionReport {
 /// removed by repair get the nearest node.
 ///
 /// # Errors
-/// [`ExtractionError`]: zero surface area, an option out of range, a vertex index out of range, interruption by `observer` or `run`, a
+/// [`CharacterError`]: zero surface area, an option out of range, a vertex index out of range, interruption by `observer` or `run`, a
 /// singular system.
 pub fn extract(
     mesh: &TriMesh,
     options: &ExtractionOptions,
     observer: &mut Observer<'_>,
     run: &Run,
-) -> Result<(CurveSkeleton, ExtractionReport), ExtractionError> {
+) -> Result<(CurveSkeleton, ExtractionReport), CharacterError> {
     options.check(mesh.vertex_count())?;
     let (parts, repairs) = parts::of(mesh, run)?;
     if parts.is_empty() {
-        return Err(ExtractionError::Empty);
+        return Err(no_area());
     }
     let mut report = ExtractionReport { parts: parts.len(), repairs, ..ExtractionReport::default() };
     let mut curve = CurveSkeleton { node_of_vertex: vec![u32::MAX; mesh.vertex_count()], ..CurveSkeleton::default() };
@@ -227,15 +225,15 @@ pub fn extract(
 /// let bar = skeleton(&shapes::bar([4, 4, 20], [1.0, 1.0, 8.0]))?;
 /// assert_eq!(bar.roots().count(), 1);
 /// assert!(bar.joint_count() >= 2);
-/// # Ok::<(), plumbline_shape::character::extraction::ExtractionError>(())
+/// # Ok::<(), plumbline_shape::character::CharacterError>(())
 /// ```
 ///
 /// # Errors
-/// As for [`extract`]; [`ExtractionError::Skeleton`].
-pub fn skeleton(mesh: &TriMesh) -> Result<Skeleton, ExtractionError> {
+/// As for [`extract`] and [`skeleton_of`].
+pub fn skeleton(mesh: &TriMesh) -> Result<Skeleton, CharacterError> {
     let options = ExtractionOptions::default();
     let (curve, _) = extract(mesh, &options, &mut |_| ControlFlow::Continue(()), &Run::default())?;
-    Ok(skeleton_of(&curve, None)?)
+    skeleton_of(&curve, None)
 }
 
 /// Assigns unassigned vertices to the nearest node.
@@ -246,6 +244,10 @@ fn adopt_the_rest(mesh: &TriMesh, curve: &mut CurveSkeleton) {
             *node = tree.nearest(p, |_| true).map_or(0, |(v, _)| v);
         }
     }
+}
+
+fn no_area() -> CharacterError {
+    CharacterError::Input("mesh has zero surface area".to_owned())
 }
 
 fn count_features(curve: &CurveSkeleton, report: &mut ExtractionReport) {

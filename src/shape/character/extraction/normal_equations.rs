@@ -11,7 +11,7 @@ use std::sync::Arc;
 use nalgebra::Point3;
 
 use super::complex::{Complex, NONE};
-use super::error::ExtractionError;
+use crate::character::CharacterError;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
 
@@ -38,15 +38,15 @@ struct Rings {
 
 impl NormalEquations {
     /// Symbolic analysis for the current connectivity.
-    pub(super) fn analyze(complex: &Complex) -> Result<Self, ExtractionError> {
+    pub(super) fn analyze(complex: &Complex) -> Result<Self, CharacterError> {
         let vertices: Vec<u32> = complex.vertices().collect();
         let mut number = vec![NONE; complex.positions.len()];
         vertices.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
         let rings = Rings::of(complex, &vertices, &number);
-        let pattern = Arc::new(Pattern::new(vertices.len(), rings.pairs()).map_err(ExtractionError::from_sparse)?);
+        let pattern = Arc::new(Pattern::new(vertices.len(), rings.pairs())?);
         let at = |v: &u32| complex.positions[*v as usize].coords.into();
         let ordering = Ordering::NestedDissection(vertices.iter().map(at).collect());
-        let mut factor = Cholesky::analyze(&pattern, &ordering).map_err(ExtractionError::from_sparse)?;
+        let mut factor = Cholesky::analyze(&pattern, &ordering)?;
         factor.reserve_columns(3);
         Ok(Self { vertices, number, rings, matrix: SparseMatrix::zeros(pattern), factor })
     }
@@ -87,8 +87,8 @@ impl NormalEquations {
     }
 
     /// Factors and solves for three concatenated right-hand sides.
-    pub(super) fn solve_in_place(&mut self, rhs: &mut [f64], run: &Run) -> Result<(), ExtractionError> {
-        self.factor.factor(&self.matrix, run).map_err(ExtractionError::from_sparse)?;
+    pub(super) fn solve_in_place(&mut self, rhs: &mut [f64], run: &Run) -> Result<(), CharacterError> {
+        self.factor.factor(&self.matrix, run)?;
         self.factor.solve_in_place(rhs);
         Ok(())
     }

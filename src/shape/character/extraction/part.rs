@@ -11,10 +11,11 @@ use super::geodesic_extrema::{GeodesicExtrema, Maximum};
 use super::homology::Classes;
 use super::medial::{Ball, balls};
 use super::parts::{self, Part};
-use super::{ContractionStep, ExtractionError, ExtractionOptions, Frame, Keep, Observer};
+use super::{ContractionStep, ExtractionOptions, Frame, Keep, Observer, no_area};
 use super::{
     bends, caps, centering, corner_branches, detours, pruning, reduction, resampling, sheet, sight, surgery, tips,
 };
+use crate::character::CharacterError;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::run::{Run, Stopped};
 
@@ -81,13 +82,13 @@ pub(super) fn extract(
     options: &ExtractionOptions,
     observer: &mut Observer<'_>,
     run: &Run,
-) -> Result<Found, ExtractionError> {
+) -> Result<Found, CharacterError> {
     let Some(frame) = Frame::of(&part.mesh).filter(|_| part.mesh.triangle_count() >= MIN_TRIANGLES) else {
         return Ok(point(part));
     };
     let positions: Vec<_> = part.mesh.positions().iter().map(|p| frame.normalized(p)).collect();
     // 1. Normalize, and close or thicken open surfaces.
-    let mut surface = part.mesh.with_positions(positions).map_err(|_| ExtractionError::Empty)?;
+    let mut surface = part.mesh.with_positions(positions).map_err(|_| no_area())?;
     run.check()?;
     let mut tree = AabbTree::new(surface.positions(), surface.triangles());
     let mut handles = parts::handles(&surface);
@@ -229,7 +230,7 @@ impl Job<'_> {
         classes: &Classes,
         tips: &Tips,
         observer: &mut Observer<'_>,
-    ) -> Result<(CurveGraph, usize), ExtractionError> {
+    ) -> Result<(CurveGraph, usize), CharacterError> {
         let options = self.options;
         let weights = Weights {
             contraction: options.contraction,
@@ -276,7 +277,7 @@ impl Job<'_> {
     }
 
     /// Postprocessing: resampled, pruned, centered, visible from the surface.
-    fn finished(&self, graph: &CurveGraph) -> Result<CurveGraph, ExtractionError> {
+    fn finished(&self, graph: &CurveGraph) -> Result<CurveGraph, CharacterError> {
         let (tree, closed) = (&self.tree, self.closed);
         let mut graph = resampling::resample(graph, SPACING);
         centering::center(&mut graph, tree, closed, CENTERING_PASSES[0], self.run)?;
@@ -390,7 +391,7 @@ fn contract(
     frame: &Frame,
     observer: &mut Observer<'_>,
     run: &Run,
-) -> Result<usize, ExtractionError> {
+) -> Result<usize, CharacterError> {
     for iteration in 1..=options.iterations {
         run.step((iteration - 1) as f64 / options.iterations as f64)?;
         let done = contraction.step(run)?;

@@ -10,9 +10,9 @@ use nalgebra::{Point3, Vector3};
 use super::aabb::AabbTree;
 use super::centering::radii;
 use super::curve_graph::CurveGraph;
-use super::error::ExtractionError;
 use super::fairing::Fairing;
 use super::order::Cost;
+use crate::character::CharacterError;
 use plumbline_num::run::Run;
 use plumbline_num::spatial::KdTree;
 
@@ -35,7 +35,7 @@ pub(super) fn draw(
     tree: &AabbTree,
     places: &[Point3<f64>],
     run: &Run,
-) -> Result<(), ExtractionError> {
+) -> Result<(), CharacterError> {
     let alive: Vec<u32> = graph.alive().collect();
     let middle = graph.nodes.clone();
     let radii = radii(graph, tree);

@@ -189,7 +189,7 @@ fn degenerate_surfaces_have_curves_too() {
     }
     let nothing = TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2]]).unwrap();
     let refused = extract(&nothing, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()), &Run::default());
-    assert_eq!(refused.unwrap_err(), ExtractionError::Empty);
+    assert_eq!(refused.unwrap_err().to_string(), "mesh has zero surface area");
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn iterations_are_reported_and_an_observer_can_stop_them() {
         },
         &Run::default(),
     );
-    assert_eq!(stopped.unwrap_err(), ExtractionError::Interrupted(Stopped::Interrupted));
+    assert_eq!(stopped.unwrap_err(), CharacterError::Interrupted(Stopped::Interrupted));
     assert!(left.len() == 4 && left[3] < 0.7, "{left:?}");
 }
 

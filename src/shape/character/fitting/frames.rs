@@ -123,7 +123,10 @@ fn rebuilt(template: &Skeleton, branches: &Graph, placed: &[Placed]) -> Result<S
         let mut world = turn.to_homogeneous() * old[j as usize];
         world.fixed_view_mut::<3, 1>(0, 3).copy_from(&branches.of_model(&place).coords);
         let above = joints[j as usize].parent.map_or_else(Matrix4::identity, |p| worlds[p as usize]);
-        let flat = || CharacterError::FlatJoint { joint: template.joints()[j as usize].name.clone() };
+        let flat = || {
+            let name = &template.joints()[j as usize].name;
+            CharacterError::Template(format!("a frame above joint {name:?} of the template has a scale of 0"))
+        };
         let rest = Trs::from_matrix(&(above.try_inverse().ok_or_else(flat)? * world));
         worlds[j as usize] = above * rest.matrix();
         joints[j as usize].rest = rest;

@@ -2,8 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::FitError;
-use crate::character::{CurveSkeleton, Skeleton};
+use crate::character::{CharacterError, CurveSkeleton, Skeleton};
 use plumbline_num::spatial::{ShortestPaths, UnionFind};
 
 /// Missing node.
@@ -30,18 +29,19 @@ impl Graph {
     }
 
     /// Nodes and edges of a curve.
-    pub(super) fn of_curve(curve: &CurveSkeleton) -> Result<Self, FitError> {
+    pub(super) fn of_curve(curve: &CurveSkeleton) -> Result<Self, CharacterError> {
         let nodes = curve.nodes.len();
         if let Some(node) = curve.nodes.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(FitError::NotFinite { node });
+            return Err(CharacterError::Input(format!("node {node} of the curve is not finite")));
         }
-        if let Some(&node) = curve.edges.iter().flatten().find(|n| **n as usize >= nodes) {
-            return Err(FitError::NoSuchNode { node, nodes });
+        if let Some(node) = curve.edges.iter().flatten().find(|n| **n as usize >= nodes) {
+            let there = format!("but there are {nodes}, numbered from 0");
+            return Err(CharacterError::Input(format!("an edge of the curve ends at node {node}, {there}")));
         }
-        let graph = Self::new(&curve.nodes, &curve.edges, &curve.radius).ok_or(FitError::Curve { nodes })?;
+        let graph = Self::new(&curve.nodes, &curve.edges, &curve.radius).ok_or_else(|| no_limbs(nodes))?;
         // The curve of a ball degenerates to a short segment.
         let thickest = curve.radius.iter().copied().fold(0.0, f64::max);
-        if graph.size < thickest { Err(FitError::Curve { nodes }) } else { Ok(graph) }
+        if graph.size < thickest { Err(no_limbs(nodes)) } else { Ok(graph) }
     }
 
     fn new(points: &[Point3<f64>], edges: &[[u32; 2]], radius: &[f64]) -> Option<Self> {
@@ -96,6 +96,12 @@ impl Graph {
         let edges = |v: u32| self.neighbors(v).iter().map(move |&u| (u, self.length(v, u)));
         ShortestPaths::new(self.points.len(), [from], edges)
     }
+}
+
+/// Reports a curve of this many nodes without limbs.
+pub(super) fn no_limbs(nodes: usize) -> CharacterError {
+    let remedy = "a template needs a surface with limbs; omit the template, or fit it to another mesh";
+    CharacterError::Input(format!("the curve skeleton has {nodes} nodes and no limb longer than its radius: {remedy}"))
 }
 
 /// Edges that connect all components, each between the nearest nodes of a component and the rest (Prim).

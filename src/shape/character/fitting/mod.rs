@@ -25,7 +25,6 @@
 
 mod along;
 mod ends;
-mod error;
 mod frames;
 mod graph;
 mod limbs;
@@ -37,8 +36,7 @@ mod tests;
 
 use nalgebra::UnitQuaternion;
 
-use super::{CurveSkeleton, Skeleton};
-pub use error::FitError;
+use super::{CharacterError, CurveSkeleton, Skeleton};
 use graph::Graph;
 use limbs::Layout;
 use plumbline_num::run::Run;
@@ -83,9 +81,14 @@ pub struct TemplateFit {
 /// The result is equivariant under similarities of either input. Components are connected at their nearest points.
 ///
 /// # Errors
-/// [`FitError`]: a template or curve without extent, non-finite nodes, node indices out of range, interruption.
-pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Result<TemplateFit, FitError> {
-    let bones = Graph::of_skeleton(template).ok_or(FitError::Template { joints: template.joint_count() })?;
+/// [`CharacterError::Template`] for a template without extent or with zero scale; [`CharacterError::Input`] for a curve without extent,
+/// non-finite nodes, node indices out of range; [`CharacterError::Interrupted`].
+pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Result<TemplateFit, CharacterError> {
+    let bones = Graph::of_skeleton(template).ok_or_else(|| {
+        let joints = template.joint_count();
+        let fault = format!("the template has {joints} joints at one position; fitting needs two joints apart");
+        CharacterError::Template(fault)
+    })?;
     let branches = Graph::of_curve(curve)?;
     let (ours, theirs) = (ends::of_template(template, &bones), ends::of_curve(&branches));
     let mut layouts: Vec<Layout> = matching::candidates(&bones, &ours, &branches, &theirs, run)?
@@ -96,7 +99,7 @@ pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Re
         })
         .collect::<Result<_, _>>()?;
     layouts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let best = layouts.first().ok_or(FitError::Curve { nodes: curve.nodes.len() })?;
+    let best = layouts.first().ok_or_else(|| graph::no_limbs(curve.nodes.len()))?;
     let rivals: Vec<&Layout> =
         layouts.iter().take_while(|l| l.cost < best.cost + TIE).filter(|l| l.differs(best, DIFFERENT)).collect();
     let turn = |l: &&Layout| -l.alignment.rotation.trace();

@@ -19,14 +19,14 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::TemplateFit;
 use crate::character::clip::{Curve, Interpolation, RotationKeys, Track};
-use crate::character::{Clip, ClipError, Keys, Skeleton};
+use crate::character::{CharacterError, Clip, Keys, Skeleton};
 
 impl TemplateFit {
     /// Retargets a clip of the template. Morph tracks are dropped: they belong to the template's surface.
     ///
     /// # Errors
-    /// [`ClipError`]: tracks of joints that `template` does not have.
-    pub fn retargeted(&self, template: &Skeleton, clip: &Clip) -> Result<Clip, ClipError> {
+    /// [`CharacterError`]: tracks of joints that `template` does not have.
+    pub fn retargeted(&self, template: &Skeleton, clip: &Clip) -> Result<Clip, CharacterError> {
         clip.check(template.joint_count(), usize::MAX)?;
         let start = clip.span().map_or(0.0, |span| span.0);
         let mut tracks = clip.tracks().iter().map(|t| self.track(template, t)).collect::<Result<Vec<_>, _>>()?;
@@ -46,7 +46,7 @@ impl TemplateFit {
         Clip::new(clip.name(), tracks, Vec::new())
     }
 
-    fn track(&self, template: &Skeleton, track: &Track) -> Result<Track, ClipError> {
+    fn track(&self, template: &Skeleton, track: &Track) -> Result<Track, CharacterError> {
         let joint = track.joint;
         let (before, now) = (&template.joints()[joint as usize], &self.skeleton.joints()[joint as usize]);
         let curve = match &track.curve {
@@ -101,7 +101,7 @@ fn mapped<const N: usize>(
     keys: &Keys<N>,
     value: impl Fn(&[f64; N]) -> [f64; N],
     slope: impl Fn(&[f64; N]) -> [f64; N],
-) -> Result<Keys<N>, ClipError> {
+) -> Result<Keys<N>, CharacterError> {
     let interpolation = match keys.interpolation() {
         Interpolation::Cubic { arriving, leaving } => Interpolation::Cubic {
             arriving: arriving.iter().map(&slope).collect(),

@@ -12,15 +12,15 @@ use nalgebra::{Point3, UnitQuaternion};
 
 use super::frames::Frames;
 use super::two_bone::rotate;
-use super::{IkError, within_limits};
-use crate::character::{Pose, Skeleton};
+use super::{check_joints, within_limits};
+use crate::character::{CharacterError, Pose, Skeleton};
 use plumbline_num::run::Run;
 
 /// Moves a tip to a position by rotating up to `joints` joints above it, for at most `iterations` iterations or until it is within
 /// `tolerance`, units of the model. Returns the pose and the number of iterations.
 ///
 /// # Errors
-/// [`IkError`]: `Unknown`, `NotFinite`, `Character`, `Interrupted`.
+/// [`CharacterError::Input`], [`CharacterError::Interrupted`].
 ///
 /// ```
 /// use nalgebra::{Point3, Vector3};
@@ -49,7 +49,7 @@ pub fn ccd(
     at: &Point3<f64>,
     (iterations, tolerance): (usize, f64),
     run: &Run,
-) -> Result<(Pose, usize), IkError> {
+) -> Result<(Pose, usize), CharacterError> {
     let chain = chain(skeleton, tip, joints, at)?;
     let mut pose = within_limits(skeleton, pose);
     let mut frames = Frames::of(skeleton, &pose)?;
@@ -75,14 +75,13 @@ pub fn ccd(
 }
 
 /// Ancestors of a tip, the nearest first.
-pub(super) fn chain(skeleton: &Skeleton, tip: u32, joints: usize, at: &Point3<f64>) -> Result<Vec<u32>, IkError> {
-    let count = skeleton.joint_count();
-    if tip as usize >= count {
-        return Err(IkError::Unknown { target: 0, joint: tip, joints: count });
-    }
-    if !at.iter().all(|x| x.is_finite()) {
-        return Err(IkError::NotFinite { target: 0 });
-    }
+pub(super) fn chain(
+    skeleton: &Skeleton,
+    tip: u32,
+    joints: usize,
+    at: &Point3<f64>,
+) -> Result<Vec<u32>, CharacterError> {
+    check_joints(skeleton, 0, &[tip], at.iter().all(|x| x.is_finite()))?;
     let parent = |j: u32| skeleton.joints()[j as usize].parent;
     Ok(std::iter::successors(parent(tip), |&j| parent(j)).take(joints).collect())
 }

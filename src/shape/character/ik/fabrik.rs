@@ -8,17 +8,16 @@
 
 use nalgebra::{Point3, UnitQuaternion};
 
-use super::IkError;
 use super::ccd::chain;
 use super::frames::Frames;
 use super::two_bone::rotate;
-use crate::character::{Pose, Skeleton};
+use crate::character::{CharacterError, Pose, Skeleton};
 use plumbline_num::run::Run;
 
 /// As [`super::ccd()`], without limits.
 ///
 /// # Errors
-/// [`IkError`]: `Unknown`, `NotFinite`, `Character`, `Interrupted`.
+/// [`CharacterError::Input`], [`CharacterError::Interrupted`].
 ///
 /// ```
 /// use nalgebra::{Point3, Vector3};
@@ -47,7 +46,7 @@ pub fn fabrik(
     at: &Point3<f64>,
     (iterations, tolerance): (usize, f64),
     run: &Run,
-) -> Result<(Pose, usize), IkError> {
+) -> Result<(Pose, usize), CharacterError> {
     let mut chain = chain(skeleton, tip, joints, at)?;
     chain.reverse();
     chain.push(tip);

@@ -26,7 +26,6 @@
 //! Visual Computer 2004 (limits in swing and twist).
 
 mod ccd;
-mod error;
 mod fabrik;
 mod frames;
 mod least_squares;
@@ -40,12 +39,11 @@ mod variables;
 use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Pose, Skeleton};
+use super::{CharacterError, Pose, Skeleton};
 use plumbline_num::optim::levenberg_marquardt::{DampingOptions, minimize};
 use plumbline_num::run::Run;
 
 pub use ccd::ccd;
-pub use error::IkError;
 pub use fabrik::fabrik;
 pub use two_bone::two_bone;
 
@@ -186,7 +184,7 @@ const RETRY_BEND: f64 = 0.3;
 /// Rotates joints so that targets are met in the least-squares sense. Joints outside their limits are first projected onto them.
 ///
 /// # Errors
-/// [`IkError`]: `Unknown`, `NotFinite`, `Weight`, `Chain`, `Method`, `Character`, `Interrupted`.
+/// [`CharacterError::Input`]: an invalid pose or target, or one that the method does not support; [`CharacterError::Interrupted`].
 ///
 /// ```
 /// use nalgebra::{Point3, Vector3};
@@ -217,7 +215,7 @@ pub fn solve(
     targets: &[Target],
     options: &IkOptions,
     run: &Run,
-) -> Result<IkSolution, IkError> {
+) -> Result<IkSolution, CharacterError> {
     check(skeleton, targets)?;
     let allowed = within_limits(skeleton, start);
     if options.method != IkMethod::LeastSquares {
@@ -236,7 +234,7 @@ pub fn solve(
             ..DampingOptions::default()
         };
         let report = minimize(&mut problem, cost, &damping, run)?;
-        Ok::<_, IkError>((problem.into_pose(), report))
+        Ok::<_, CharacterError>((problem.into_pose(), report))
     };
     let meet = |pose: Pose| run_with(pose, 0.0, options.iterations);
     let first = if options.rest > 0.0 {
@@ -260,8 +258,8 @@ pub fn solve(
 /// Interpolates two poses at `t` in 0 ..= 1. If both are within the limits, so is the result.
 ///
 /// # Errors
-/// [`IkError::Character`] for poses of another skeleton.
-pub fn interpolate(skeleton: &Skeleton, from: &Pose, to: &Pose, t: f64) -> Result<Pose, IkError> {
+/// [`CharacterError::Input`] for poses of another skeleton.
+pub fn interpolate(skeleton: &Skeleton, from: &Pose, to: &Pose, t: f64) -> Result<Pose, CharacterError> {
     let (mut pose, _, _) = (from.clone(), skeleton.globals(from)?, skeleton.globals(to)?);
     for ((joint, local), target) in skeleton.joints().iter().zip(&mut pose.locals).zip(&to.locals) {
         local.translation += (target.translation - local.translation) * t;
@@ -301,8 +299,7 @@ pub fn within_limits(skeleton: &Skeleton, pose: &Pose) -> Pose {
     pose
 }
 
-fn check(skeleton: &Skeleton, targets: &[Target]) -> Result<(), IkError> {
-    let joints = skeleton.joint_count();
+fn check(skeleton: &Skeleton, targets: &[Target]) -> Result<(), CharacterError> {
     for (number, target) in targets.iter().enumerate() {
         let mut named = vec![target.joint];
         let finite = match &target.goal {
@@ -314,22 +311,36 @@ fn check(skeleton: &Skeleton, targets: &[Target]) -> Result<(), IkError> {
                 at.iter().all(|x| x.is_finite())
             }
         };
-        if let Some(&joint) = named.iter().find(|&&j| j as usize >= joints) {
-            return Err(IkError::Unknown { target: number, joint, joints });
+        check_joints(skeleton, number, &named, finite)?;
+        let weight = target.weight;
+        if !(weight > 0.0 && weight.is_finite()) {
+            let what = format!("the weight {weight} of target {number}");
+            return Err(CharacterError::Input(format!("{what} is invalid (expected more than 0, finite)")));
         }
-        if !finite {
-            return Err(IkError::NotFinite { target: number });
-        }
-        if !(target.weight > 0.0 && target.weight.is_finite()) {
-            return Err(IkError::Weight { target: number, weight: target.weight });
-        }
-        if let Goal::Pole { root, middle, .. } = target.goal
-            && !(above(skeleton, middle, root) && above(skeleton, target.joint, middle))
-        {
-            return Err(IkError::Chain { target: number });
+        if let Goal::Pole { root, middle, .. } = target.goal {
+            check_chain(skeleton, number, [root, middle, target.joint])?;
         }
     }
     Ok(())
+}
+
+/// Checks the joints that a target names, and that its numbers are finite.
+fn check_joints(skeleton: &Skeleton, target: usize, named: &[u32], finite: bool) -> Result<(), CharacterError> {
+    let joints = skeleton.joint_count();
+    if let Some(joint) = named.iter().find(|j| **j as usize >= joints) {
+        let there = format!("but there are {joints}, numbered from 0");
+        return Err(CharacterError::Input(format!("target {target} names joint {joint}, {there}")));
+    }
+    if finite { Ok(()) } else { Err(CharacterError::Input(format!("target {target} is not finite"))) }
+}
+
+fn check_chain(skeleton: &Skeleton, target: usize, [root, middle, tip]: [u32; 3]) -> Result<(), CharacterError> {
+    if above(skeleton, middle, root) && above(skeleton, tip, middle) { Ok(()) } else { Err(no_chain(target)) }
+}
+
+fn no_chain(target: usize) -> CharacterError {
+    let expected = "each must be an ancestor of the next (root, middle, tip)";
+    CharacterError::Input(format!("the joints of target {target} are not a chain: {expected}"))
 }
 
 /// Whether `ancestor` is a proper ancestor of a joint.

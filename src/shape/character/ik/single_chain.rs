@@ -4,8 +4,8 @@
 use nalgebra::Point3;
 
 use super::frames::Frames;
-use super::{Goal, IkError, IkMethod, IkOptions, IkSolution, Target, ccd, fabrik, residual, two_bone, within_limits};
-use crate::character::{Pose, Skeleton};
+use super::{Goal, IkMethod, IkOptions, IkSolution, Target, ccd, fabrik, no_chain, residual, two_bone, within_limits};
+use crate::character::{CharacterError, Pose, Skeleton};
 use plumbline_num::run::Run;
 
 /// Distance to a met target, as a fraction of its chain length: the tolerance of the least-squares method, too.
@@ -18,10 +18,13 @@ pub(super) fn solve(
     targets: &[Target],
     options: &IkOptions,
     run: &Run,
-) -> Result<IkSolution, IkError> {
+) -> Result<IkSolution, CharacterError> {
     let (mut pose, mut iterations, mut converged) = (initial, 0, true);
     for (number, target) in targets.iter().enumerate() {
-        let refused = |problem| IkError::Method { target: number, method: options.method.name(), problem };
+        let refused = |problem: &str| {
+            let what = format!("target {number} is not for the method {}", options.method.name());
+            CharacterError::Input(format!("{what}: {problem}; the method least-squares takes it"))
+        };
         let at = match &target.goal {
             Goal::Position { point, at } if *point == Point3::origin() => at,
             // The closed form handles a pole together with the position of its joint.
@@ -58,14 +61,13 @@ fn of_two_bones(
     pose: &Pose,
     (number, target, at): (usize, &Target, &Point3<f64>),
     targets: &[Target],
-) -> Result<Pose, IkError> {
+) -> Result<Pose, CharacterError> {
     let pole = targets.iter().filter(|other| other.joint == target.joint).find_map(|other| match &other.goal {
         Goal::Pole { root, middle, at } => Some((*root, *middle, at)),
         _ => None,
     });
     let parent = |j: u32| skeleton.joints()[j as usize].parent;
     let above = || parent(target.joint).and_then(|middle| parent(middle).map(|root| (root, middle)));
-    let (root, middle) =
-        pole.map(|(root, middle, _)| (root, middle)).or_else(above).ok_or(IkError::Chain { target: number })?;
+    let (root, middle) = pole.map(|(root, middle, _)| (root, middle)).or_else(above).ok_or_else(|| no_chain(number))?;
     two_bone(skeleton, pose, [root, middle, target.joint], at, pole.map(|(.., at)| at))
 }

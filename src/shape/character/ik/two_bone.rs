@@ -13,13 +13,13 @@
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use super::frames::Frames;
-use super::{IkError, above};
-use crate::character::{Pose, Skeleton};
+use super::{check_chain, check_joints};
+use crate::character::{CharacterError, Pose, Skeleton};
 
-/// Rotates the joints `root` and `middle` so that the joint `tip` reaches a position. Frames above must not be scaled unevenly.
+/// Rotates the first two joints of a chain (root, middle, tip) so that the third reaches a position. Frames above must not be scaled unevenly.
 ///
 /// # Errors
-/// [`IkError`]: `Unknown`, `NotFinite`, `Chain`, `Character`.
+/// [`CharacterError::Input`].
 ///
 /// ```
 /// use nalgebra::{Point3, Vector3};
@@ -43,22 +43,16 @@ use crate::character::{Pose, Skeleton};
 pub fn two_bone(
     skeleton: &Skeleton,
     pose: &Pose,
-    [root, middle, tip]: [u32; 3],
+    chain: [u32; 3],
     at: &Point3<f64>,
     pole: Option<&Point3<f64>>,
-) -> Result<Pose, IkError> {
-    let joints = skeleton.joint_count();
-    if let Some(&joint) = [root, middle, tip].iter().find(|&&j| j as usize >= joints) {
-        return Err(IkError::Unknown { target: 0, joint, joints });
-    }
-    if !at.iter().chain(pole.iter().flat_map(|p| p.iter())).all(|x| x.is_finite()) {
-        return Err(IkError::NotFinite { target: 0 });
-    }
-    if !(above(skeleton, middle, root) && above(skeleton, tip, middle)) {
-        return Err(IkError::Chain { target: 0 });
-    }
+) -> Result<Pose, CharacterError> {
+    let finite = at.iter().chain(pole.iter().flat_map(|p| p.iter())).all(|x| x.is_finite());
+    check_joints(skeleton, 0, &chain, finite)?;
+    check_chain(skeleton, 0, chain)?;
     let frames = Frames::of(skeleton, pose)?;
-    let [a, b, c] = [root, middle, tip].map(|j| frames.at(j));
+    let [root, middle, tip] = chain;
+    let [a, b, c] = chain.map(|j| frames.at(j));
     let (first, second) = ((b - a).norm(), (c - b).norm());
     let away = at - a;
     let distance = away.norm().clamp((first - second).abs(), first + second);

@@ -11,7 +11,8 @@
 use std::path::{Component, Path, PathBuf};
 
 use super::text::malformed;
-use super::{Rig, RigFileError, parse_anim, parse_skel, text_of};
+use super::{Rig, parse_anim, parse_skel, text_of};
+use crate::character::RigFileError;
 use crate::mesh::{Model, ReadLimits, read_model};
 use plumbline_num::run::Run;
 

@@ -4,7 +4,6 @@
 //! Readers validate counts, parents and finiteness, and report the position of a fault in the file.
 
 mod bvh;
-mod error;
 mod gltf;
 mod ini;
 mod skel;
@@ -13,11 +12,11 @@ mod tgf;
 
 use std::path::Path;
 
-use super::{Clip, Skeleton};
+use super::{Clip, RigFileError, Skeleton};
+use plumbline_num::document::read_bounded;
 use plumbline_num::run::Run;
 
 pub use bvh::{bvh_text, parse_bvh};
-pub use error::RigFileError;
 pub use gltf::character_of;
 pub use ini::read_ini;
 pub use skel::{parse_anim, parse_skel, skel_text};
@@ -54,7 +53,7 @@ pub fn read_rig(path: &Path) -> Result<Rig, RigFileError> {
         "bvh" => parse_bvh(&text_of(path)?),
         "tgf" => parse_tgf(&text_of(path)?),
         "skel" => parse_skel(&text_of(path)?).map(alone),
-        _ => Err(RigFileError::UnknownFormat { expected: "json, glb, gltf, bvh, tgf or skel" }),
+        _ => Err(unknown_extension("json, glb, gltf, bvh, tgf or skel")),
     };
     read().map_err(|e: RigFileError| e.of_file(path))
 }
@@ -77,20 +76,17 @@ pub fn rig_text(
         "bvh" => bvh_text(skeleton, clip),
         "tgf" => Ok((tgf_text(skeleton), vec!["names, rotations and limits of joints"])),
         "skel" => Ok((skel_text(skeleton), vec!["rotations and limits of joints"])),
-        _ => Err(RigFileError::UnknownFormat { expected: "json, bvh, tgf or skel" }),
+        _ => Err(unknown_extension("json, bvh, tgf or skel")),
     }
+}
+
+fn unknown_extension(expected: &str) -> RigFileError {
+    RigFileError::Content(format!("unknown skeleton file extension (expected {expected})"))
 }
 
 /// Reads a text file within the size limit.
 fn text_of(path: &Path) -> Result<String, RigFileError> {
-    use std::io::Read as _;
-    let file = std::fs::File::open(path)?;
-    let bytes = file.metadata()?.len();
-    if bytes > MAX_TEXT {
-        return Err(RigFileError::TooLarge { bytes, most: MAX_TEXT });
-    }
-    let mut raw = Vec::new();
-    file.take(MAX_TEXT).read_to_end(&mut raw)?;
+    let raw = read_bounded(path, MAX_TEXT)?;
     Ok(String::from_utf8_lossy(&raw).trim_start_matches('\u{feff}').to_owned())
 }
 

@@ -13,10 +13,9 @@ use std::fmt::Write as _;
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
-use super::RigFileError;
 use super::text::{Words, one_word};
 use crate::character::clip::{Curve, Interpolation, Track, rotations};
-use crate::character::{Clip, Joint, Skeleton};
+use crate::character::{Clip, Joint, RigFileError, Skeleton};
 use plumbline_num::math::Trs;
 
 /// Parent name of root joints.
@@ -28,7 +27,7 @@ const MAX_POSES: usize = 1 << 20;
 /// Parses a skeleton.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and errors of the joints.
+/// [`RigFileError::Content`], and errors of the joints.
 pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
     let mut words = Words::new("skel", text);
     let count = words.count("the number of joints", MAX_JOINTS)?;
@@ -72,7 +71,7 @@ pub fn skel_text(skeleton: &Skeleton) -> String {
 /// Parses an animation of a skeleton.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and errors of the clip.
+/// [`RigFileError::Content`], and errors of the clip.
 pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, RigFileError> {
     let mut words = Words::new("anim", text);
     let poses = words.count("the number of poses", MAX_POSES)?;

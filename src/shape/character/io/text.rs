@@ -1,6 +1,6 @@
 //! Tokenizer of text files, with line numbers.
 
-use super::RigFileError;
+use crate::character::RigFileError;
 
 /// The words of a text, in order.
 pub(super) struct Words<'a> {
@@ -65,14 +65,14 @@ impl<'a> Words<'a> {
     }
 
     /// An error at the current line.
-    pub(super) fn fault(&self, fault: impl Into<String>) -> RigFileError {
+    pub(super) fn fault(&self, fault: impl std::fmt::Display) -> RigFileError {
         malformed(self.format, self.line, fault)
     }
 }
 
 /// An error in a text file.
-pub(super) fn malformed(format: &'static str, line: usize, fault: impl Into<String>) -> RigFileError {
-    RigFileError::Malformed { format, line, fault: fault.into() }
+pub(super) fn malformed(format: &str, line: usize, fault: impl std::fmt::Display) -> RigFileError {
+    RigFileError::Content(format!("{format}, line {line}: {fault}"))
 }
 
 /// The name with whitespace replaced by `_`.

@@ -16,9 +16,9 @@ use std::fmt::Write as _;
 
 use nalgebra::Vector3;
 
+use super::Rig;
 use super::text::malformed;
-use super::{Rig, RigFileError};
-use crate::character::{Joint, Skeleton};
+use crate::character::{Joint, RigFileError, Skeleton};
 use plumbline_num::math::Trs;
 
 const FORMAT: &str = "TGF";
@@ -26,7 +26,7 @@ const FORMAT: &str = "TGF";
 /// Parses a skeleton.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and errors of the joints.
+/// [`RigFileError::Content`], and errors of the joints.
 pub fn parse_tgf(text: &str) -> Result<Rig, RigFileError> {
     let (mut number_of, mut at): (HashMap<&str, u32>, Vec<Vector3<f64>>) = (HashMap::new(), Vec::new());
     let (mut names, mut edges) = (Vec::new(), Vec::new());

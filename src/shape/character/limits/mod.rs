@@ -33,10 +33,12 @@ impl Limits {
     /// Rejects values out of range and axes that are not perpendicular.
     ///
     /// # Errors
-    /// [`CharacterError::Limits`].
+    /// [`CharacterError::Input`].
     pub fn check(&self, joint: &str) -> Result<(), CharacterError> {
-        let refused = |what, value: String, expected| {
-            Err(CharacterError::Limits { joint: joint.to_owned(), what, value, expected })
+        let refused = |what: &str, value: String, expected: &str| {
+            Err(CharacterError::Input(format!(
+                "the {what} {value} of joint {joint:?} is invalid (expected {expected})"
+            )))
         };
         // 1e-9: π converted from 180° and back may exceed itself by rounding.
         let pi = std::f64::consts::PI + 1e-9;

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use super::{PoseFileError, TargetPose, pose_of};
-use crate::character::Character;
+use super::{TargetPose, pose_of};
 use crate::character::ik::{Goal, Target};
+use crate::character::{Character, RigFileError};
 
 /// A pose, as joint rotations and inverse kinematics targets.
 #[derive(Deserialize)]
@@ -118,7 +118,7 @@ fn one() -> f64 {
 }
 
 impl Document {
-    pub(super) fn of(self, character: &Character) -> Result<TargetPose, PoseFileError> {
+    pub(super) fn of(self, character: &Character) -> Result<TargetPose, RigFileError> {
         let skeleton = &character.skeleton;
         let (mut start, mut weights) = match &self.from {
             Some(from) => pose_of(character, &from.clip, from.time)?,
@@ -128,13 +128,13 @@ impl Document {
             entry.apply(&format!("joint {name:?}"), &mut start.locals[skeleton.named(name)? as usize])?;
         }
         for (name, &weight) in &self.morphs {
-            let what = || format!("morph target {name:?}");
-            let target = character.targets.iter().position(|t| t.name == *name);
-            let known = || character.targets.iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ");
-            let target = target
-                .ok_or_else(|| fault(what(), format!("the character has none of this name (known: {})", known())))?;
+            let what = format!("morph target {name:?}");
+            let Some(target) = character.targets.iter().position(|t| t.name == *name) else {
+                let known = character.targets.iter().map(|t| t.name.as_str()).collect::<Vec<_>>().join(", ");
+                return Err(fault(&what, format!("the character has none of this name (known: {known})")));
+            };
             if !weight.is_finite() {
-                return Err(fault(what(), format!("weight {weight} is not finite")));
+                return Err(fault(&what, format!("weight {weight} is not finite")));
             }
             weights[target] = weight;
         }
@@ -145,23 +145,23 @@ impl Document {
     }
 }
 
-fn fault(what: impl Into<String>, fault: impl Into<String>) -> PoseFileError {
-    PoseFileError::Entry { what: what.into(), fault: fault.into() }
+fn fault(what: &str, fault: impl std::fmt::Display) -> RigFileError {
+    RigFileError::Content(format!("{what}: {fault}"))
 }
 
-fn finite<const N: usize>(what: &str, key: &str, values: [f64; N]) -> Result<[f64; N], PoseFileError> {
+fn finite<const N: usize>(what: &str, key: &str, values: [f64; N]) -> Result<[f64; N], RigFileError> {
     let told = || fault(what, format!("{key} {values:?} is not finite"));
     values.iter().all(|x| x.is_finite()).then_some(values).ok_or_else(told)
 }
 
-fn rotation(what: &str, key: &str, values: [f64; 4]) -> Result<UnitQuaternion<f64>, PoseFileError> {
+fn rotation(what: &str, key: &str, values: [f64; 4]) -> Result<UnitQuaternion<f64>, RigFileError> {
     let [w, x, y, z] = finite(what, key, values)?;
     let turn = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.0);
     turn.ok_or_else(|| fault(what, format!("{key} {values:?} has no length; no turn is [1, 0, 0, 0]")))
 }
 
 impl JointEntry {
-    fn apply(&self, what: &str, local: &mut plumbline_num::math::Trs) -> Result<(), PoseFileError> {
+    fn apply(&self, what: &str, local: &mut plumbline_num::math::Trs) -> Result<(), RigFileError> {
         match (self.rotation, self.turn_deg) {
             (Some(_), Some(_)) => return Err(fault(what, "has both `rotation` and `turn_deg`; give one of them")),
             (Some(turn), None) => local.rotation = rotation(what, "rotation", turn)?,
@@ -182,7 +182,7 @@ impl JointEntry {
 }
 
 impl TargetEntry {
-    fn of(&self, what: &str, character: &Character) -> Result<Target, PoseFileError> {
+    fn of(&self, what: &str, character: &Character) -> Result<Target, RigFileError> {
         let goal = match (self.position, self.orientation, self.look_at, self.pole) {
             (Some(at), None, None, None) => Goal::Position {
                 point: finite(what, "point", self.point.unwrap_or([0.0; 3]))?.into(),

@@ -16,18 +16,16 @@
 //! of the model. Unknown keys and unknown joints are rejected.
 
 mod document;
-mod error;
 #[cfg(test)]
 mod tests;
 
 use std::path::Path;
 
 use super::ik::{IkMethod, IkOptions, IkSolution, Target, solve};
-use super::{Character, Extrapolation, Pose};
+use super::{Character, CharacterError, Extrapolation, Pose, RigFileError};
 
 #[cfg(feature = "schema")]
 pub use document::pose_file_schema;
-pub use error::PoseFileError;
 
 use document::Document;
 use plumbline_num::document::Kind;
@@ -53,37 +51,37 @@ impl TargetPose {
     /// Reads a file for a character.
     ///
     /// # Errors
-    /// [`PoseFileError::Document`] and all errors of [`Self::parse`].
-    pub fn read(path: &Path, character: &Character) -> Result<Self, PoseFileError> {
+    /// [`RigFileError::Document`] and all errors of [`Self::parse`].
+    pub fn read(path: &Path, character: &Character) -> Result<Self, RigFileError> {
         Self::parse(&KIND.text(path)?, character)
     }
 
     /// Parses a document for a character.
     ///
     /// # Errors
-    /// [`PoseFileError`]: not this format or version; joints, clips or morph targets that the character does not have; non-finite numbers.
-    pub fn parse(text: &str, character: &Character) -> Result<Self, PoseFileError> {
+    /// [`RigFileError`]: not this format or version; joints, clips or morph targets that the character does not have; non-finite numbers.
+    pub fn parse(text: &str, character: &Character) -> Result<Self, RigFileError> {
         KIND.parse::<Document>(text)?.of(character)
     }
 
     /// Solves for the targets, within the joint limits.
     ///
     /// # Errors
-    /// [`PoseFileError::Ik`], [`PoseFileError::Interrupted`].
+    /// As for [`solve`].
     pub fn solve(
         &self,
         character: &Character,
         method: IkMethod,
         iterations: usize,
         run: &Run,
-    ) -> Result<IkSolution, PoseFileError> {
+    ) -> Result<IkSolution, CharacterError> {
         let options = IkOptions { method, iterations, locked: self.locked.clone(), ..IkOptions::default() };
-        Ok(solve(&character.skeleton, &self.start, &self.targets, &options, run)?)
+        solve(&character.skeleton, &self.start, &self.targets, &options, run)
     }
 }
 
 /// The pose of a clip at a time.
-fn pose_of(character: &Character, clip: &str, time: f64) -> Result<(Pose, Vec<f64>), PoseFileError> {
+fn pose_of(character: &Character, clip: &str, time: f64) -> Result<(Pose, Vec<f64>), CharacterError> {
     let clip = character.clip(clip)?;
     let pose = clip.pose(&character.skeleton, time, Extrapolation::Repeat)?;
     Ok((pose, clip.weights(&character.rest_weights(), time, Extrapolation::Repeat)?))

@@ -32,7 +32,7 @@ fn character() -> Character {
     Character { clips: vec![clip], targets: vec![smile], ..plain }
 }
 
-fn parse(body: &str) -> Result<TargetPose, PoseFileError> {
+fn parse(body: &str) -> Result<TargetPose, RigFileError> {
     TargetPose::parse(&format!(r#"{{"format": "plumbline.pose", "version": 1{body}}}"#), &character())
 }
 

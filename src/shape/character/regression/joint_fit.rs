@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::super::{CharacterError, Skeleton, SkinWeights};
-use super::Example;
+use super::{Example, check_examples};
 use crate::mesh::TriMesh;
 use plumbline_num::math::nearest_rotation;
 use plumbline_num::run::{Run, Stopped};
@@ -29,8 +29,7 @@ const NOISE: f64 = 1e-10;
 /// with influence.
 ///
 /// # Errors
-/// [`CharacterError::PerVertex`] for weights or positions of another mesh, [`CharacterError::Matrices`] for weights of another
-/// skeleton.
+/// [`CharacterError::PerVertex`] for weights or positions of another mesh, [`CharacterError::Input`] for weights of another skeleton.
 pub fn fit_joints(
     mesh: &TriMesh,
     skeleton: &Skeleton,
@@ -103,7 +102,8 @@ fn with_idle(skeleton: &Skeleton, mut motions: Vec<Option<Matrix4<f64>>>) -> Vec
 /// by the active-set method. `u` are the initial weights: they decide between joints that the examples do not distinguish.
 ///
 /// # Errors
-/// [`CharacterError::NoExamples`], [`CharacterError::PerVertex`], [`CharacterError::Matrices`], [`CharacterError::Interrupted`].
+/// [`CharacterError::Input`] without examples or for examples of other joints, [`CharacterError::PerVertex`],
+/// [`CharacterError::Interrupted`].
 pub fn fit_weights(
     mesh: &TriMesh,
     weights: &SkinWeights,
@@ -111,16 +111,7 @@ pub fn fit_weights(
     run: &Run,
 ) -> Result<SkinWeights, CharacterError> {
     let joints = weights.joint_count();
-    let vertices = mesh.vertex_count();
-    CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
-    if examples.is_empty() {
-        return Err(CharacterError::NoExamples);
-    }
-    for e in examples {
-        let given = e.positions.len();
-        CharacterError::check_per_vertex("positions of an example", given, vertices)?;
-        CharacterError::check_matrices(joints, e.matrices.len())?;
-    }
+    check_examples(mesh, weights, examples)?;
     let least = (NOISE * mesh.diagonal()).powi(2).max(f64::MIN_POSITIVE);
     let row = |(v, p): (usize, &Point3<f64>)| {
         run.check()?;

@@ -36,7 +36,7 @@ mod tuning;
 use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
 
 pub use joint_fit::{fit_joints, fit_weights};
-pub use model_file::{ModelFileError, SkinModel, TrainedSkin};
+pub use model_file::{SkinModel, TrainedSkin};
 pub use reduced::{Coordinates, Reduced};
 pub use training::TrainingReport;
 pub use tuning::tuned;
@@ -129,8 +129,8 @@ impl RegressionModel {
     /// Trains a model. `weights` assign triangles to joints.
     ///
     /// # Errors
-    /// [`CharacterError::NoExamples`]; [`CharacterError::PerVertex`], [`CharacterError::Matrices`] for examples or weights of other
-    /// meshes or skeletons; [`CharacterError::Option`]; [`CharacterError::Solve`]; [`CharacterError::Interrupted`].
+    /// [`CharacterError::Input`] without examples or for examples of another skeleton; [`CharacterError::PerVertex`] for those of another
+    /// mesh; [`CharacterError::Option`]; [`CharacterError::Solve`]; [`CharacterError::Interrupted`].
     pub fn train(
         mesh: &TriMesh,
         skeleton: &Skeleton,
@@ -165,7 +165,7 @@ impl RegressionModel {
     /// The surface in a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Input`] for a wrong number of joints or an invalid matrix.
     pub fn positions(&mut self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
         check_pose(&self.parents, matrices)?;
         let turns = JointRotations::new(matrices, &self.parents);
@@ -198,17 +198,21 @@ fn check(
     weights: &SkinWeights,
     examples: &[Example],
 ) -> Result<(), CharacterError> {
-    if examples.is_empty() {
-        return Err(CharacterError::NoExamples);
-    }
-    let (joints, vertices) = (skeleton.joint_count(), mesh.vertex_count());
-    CharacterError::check_matrices(weights.joint_count(), joints)?;
+    CharacterError::check_matrices(weights.joint_count(), skeleton.joint_count())?;
+    check_examples(mesh, weights, examples)?;
+    examples.iter().try_for_each(|example| super::skin::check_affine(&example.matrices))
+}
+
+/// Rejects examples or weights of another mesh, and examples of other joints than the weights.
+fn check_examples(mesh: &TriMesh, weights: &SkinWeights, examples: &[Example]) -> Result<(), CharacterError> {
+    let vertices = mesh.vertex_count();
     CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
+    if examples.is_empty() {
+        return Err(CharacterError::Input("there is no example pose; give one at least".to_owned()));
+    }
     for example in examples {
-        let given = example.positions.len();
-        CharacterError::check_per_vertex("positions of an example", given, vertices)?;
-        CharacterError::check_matrices(joints, example.matrices.len())?;
-        super::skin::check_affine(&example.matrices)?;
+        CharacterError::check_per_vertex("positions of an example", example.positions.len(), vertices)?;
+        CharacterError::check_matrices(weights.joint_count(), example.matrices.len())?;
     }
     Ok(())
 }

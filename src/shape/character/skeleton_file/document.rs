@@ -6,8 +6,8 @@ use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::super::skeleton::unknown_name;
-use super::super::{CurveSkeleton, Joint, Limits, Skeleton};
-use super::{KIND, SkeletonFile, SkeletonFileError};
+use super::super::{CurveSkeleton, Joint, Limits, RigFileError, Skeleton};
+use super::{KIND, SkeletonFile};
 use plumbline_num::math::Trs;
 
 /// A skeleton at rest.
@@ -110,7 +110,7 @@ fn is_no_turn(q: &[f64; 4]) -> bool {
 }
 
 impl Document {
-    pub(super) fn into_skeleton(self) -> Result<SkeletonFile, SkeletonFileError> {
+    pub(super) fn into_skeleton(self) -> Result<SkeletonFile, RigFileError> {
         let names: Vec<&str> = self.joints.iter().map(|j| j.name.as_str()).collect();
         // Of duplicate names any index will do: `Skeleton::new` rejects them.
         let number: HashMap<&str, u32> = names.iter().copied().zip(0..).collect();
@@ -121,7 +121,7 @@ impl Document {
             };
             Ok(Joint { name: entry.name.clone(), parent, rest: entry.rest()?, limits: entry.limits()? })
         };
-        let joints: Result<Vec<_>, SkeletonFileError> = self.joints.iter().map(joint).collect();
+        let joints: Result<Vec<_>, RigFileError> = self.joints.iter().map(joint).collect();
         let skeleton = Skeleton::new(joints?)?;
         Ok(SkeletonFile { skeleton, curve: self.curve.map(CurveEntry::into_curve).transpose()? })
     }
@@ -153,9 +153,9 @@ impl Document {
     }
 }
 
-/// A `Value` error.
-fn refused(place: &str, field: &'static str, value: String, expected: &'static str) -> SkeletonFileError {
-    SkeletonFileError::Value { place: place.to_owned(), field, value, expected }
+/// Reports an invalid value of a joint or of the curve.
+fn refused(place: &str, field: &str, value: &str, expected: &str) -> RigFileError {
+    RigFileError::Content(format!("{place}: {field} is {value} (expected {expected})"))
 }
 
 impl JointEntry {
@@ -175,7 +175,7 @@ impl JointEntry {
         format!("joint {:?}", self.name)
     }
 
-    fn rest(&self) -> Result<Trs, SkeletonFileError> {
+    fn rest(&self) -> Result<Trs, RigFileError> {
         let [w, x, y, z] = self.rotation;
         let q = Quaternion::new(w, x, y, z);
         // A unit quaternion keeps its bits, so that a round trip is exact.
@@ -185,15 +185,15 @@ impl JointEntry {
             UnitQuaternion::try_new(q, 0.0).filter(|q| q.coords.iter().all(|c| c.is_finite()))
         };
         let missing =
-            || refused(&self.place(), "rotation", format!("{:?}", self.rotation), "a quaternion, not all zeros");
+            || refused(&self.place(), "rotation", &format!("{:?}", self.rotation), "a quaternion, not all zeros");
         Ok(Trs { translation: self.translation.into(), rotation: unit.ok_or_else(missing)?, scale: self.scale.into() })
     }
 
-    fn limits(&self) -> Result<Option<Limits>, SkeletonFileError> {
+    fn limits(&self) -> Result<Option<Limits>, RigFileError> {
         let Some(entry) = &self.limits else { return Ok(None) };
         let direction = |field, v: [f64; 3]| {
             let unit = Unit::try_new(Vector3::from(v), 0.0).filter(|d| d.iter().all(|c| c.is_finite()));
-            unit.ok_or_else(|| refused(&self.place(), field, format!("{v:?}"), "a direction, not all zeros"))
+            unit.ok_or_else(|| refused(&self.place(), field, &format!("{v:?}"), "a direction, not all zeros"))
         };
         let (axis, across) = (direction("axis", entry.axis)?, direction("across", entry.across)?);
         let radians = |v: [f64; 2]| v.map(f64::to_radians);
@@ -223,18 +223,18 @@ impl CurveEntry {
         }
     }
 
-    fn into_curve(self) -> Result<CurveSkeleton, SkeletonFileError> {
+    fn into_curve(self) -> Result<CurveSkeleton, RigFileError> {
         let count = self.nodes.len();
         let beyond = |n: &&u32| **n as usize >= count;
         if let Some(n) = self.edges.iter().flatten().find(beyond) {
-            return Err(refused("curve", "an end in edges", n.to_string(), "a number of a node, from 0"));
+            return Err(refused("curve", "an end in edges", &n.to_string(), "a number of a node, from 0"));
         }
         if let Some(n) = self.node_of_vertex.iter().find(beyond) {
-            return Err(refused("curve", "an entry of node_of_vertex", n.to_string(), "a number of a node, from 0"));
+            return Err(refused("curve", "an entry of node_of_vertex", &n.to_string(), "a number of a node, from 0"));
         }
         if !self.radius.is_empty() && self.radius.len() != count {
             let value = format!("a list of {}", self.radius.len());
-            return Err(refused("curve", "radius", value, "one number per node"));
+            return Err(refused("curve", "radius", &value, "one number per node"));
         }
         Ok(CurveSkeleton {
             nodes: self.nodes.into_iter().map(Point3::from).collect(),

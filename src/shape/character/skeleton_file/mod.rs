@@ -14,7 +14,6 @@
 //! surface. Unknown keys are rejected.
 
 mod document;
-mod error;
 #[cfg(test)]
 mod tests;
 
@@ -23,9 +22,8 @@ use std::path::Path;
 pub(super) use document::LimitsEntry;
 #[cfg(feature = "schema")]
 pub use document::skeleton_file_schema;
-pub use error::SkeletonFileError;
 
-use super::{CurveSkeleton, Skeleton};
+use super::{CurveSkeleton, RigFileError, Skeleton};
 use document::Document;
 use plumbline_num::document::Kind;
 
@@ -45,16 +43,16 @@ impl SkeletonFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`SkeletonFileError::Document`] and all errors of [`Self::parse`].
-    pub fn read(path: &Path) -> Result<Self, SkeletonFileError> {
+    /// [`RigFileError::Document`] and all errors of [`Self::parse`].
+    pub fn read(path: &Path) -> Result<Self, RigFileError> {
         Self::parse(&KIND.text(path)?)
     }
 
     /// Parses a document.
     ///
     /// # Errors
-    /// [`SkeletonFileError`]: not this format or version, invalid joints, a curve with node indices out of range.
-    pub fn parse(text: &str) -> Result<Self, SkeletonFileError> {
+    /// [`RigFileError`]: not this format or version, invalid joints, a curve with node indices out of range.
+    pub fn parse(text: &str) -> Result<Self, RigFileError> {
         KIND.parse::<Document>(text)?.into_skeleton()
     }
 

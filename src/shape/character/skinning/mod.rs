@@ -151,8 +151,8 @@ impl Skinner {
     /// Binds a surface. `normals` are per vertex in the bind pose; `None`: area-weighted from the triangles.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] for weights or normals of another mesh, [`CharacterError::Matrices`] for another skeleton,
-    /// [`CharacterError::FlatJoint`] if a bind matrix is singular.
+    /// [`CharacterError::PerVertex`] for weights or normals of another mesh, [`CharacterError::Input`] for another skeleton or a singular
+    /// bind matrix.
     pub fn new(
         mesh: &TriMesh,
         normals: Option<&[Vector3<f64>]>,
@@ -162,7 +162,7 @@ impl Skinner {
         run: &Run,
     ) -> Result<Self, CharacterError> {
         CharacterError::check_matrices(skeleton.joint_count(), skin.inverse_bind().len())?;
-        let flat = |j: usize| CharacterError::FlatJoint { joint: skeleton.joints()[j].name.clone() };
+        let flat = |j: usize| CharacterError::flat_joint(&skeleton.joints()[j].name);
         let frame = |(j, b): (usize, &Matrix4<f64>)| b.try_inverse().ok_or_else(|| flat(j));
         let frames: Vec<Matrix4<f64>> = skin.inverse_bind().iter().enumerate().map(frame).collect::<Result<_, _>>()?;
         let weights = skin.weights().clone();
@@ -189,7 +189,7 @@ impl Skinner {
     /// Vertex positions for the skin matrices of a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Input`] for a wrong number of joints or an invalid matrix.
     pub fn positions(&self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
         let mut positions = Vec::with_capacity(self.vertex_count());
         self.positions_into(matrices, &mut positions)?;

@@ -273,7 +273,7 @@ fn mismatched_inputs_are_rejected_by_name() {
     assert!(message(refused).contains("rows of weights do not fit a mesh of 36 vertices"));
     let refused =
         Skinner::new(&mesh, None, &chain, &skin, SkinningMethod::default(), &Run::default()).expect_err("other chain");
-    assert!(matches!(refused, CharacterError::Matrices { joints: 3, matrices: 2 }));
+    assert!(message(refused).contains("weights for 3 joints but 2 matrices"));
     let refused = Skinner::new(&mesh, Some(&[]), &skeleton, &skin, SkinningMethod::default(), &Run::default())
         .expect_err("no normals");
     assert!(message(refused).contains("0 normals do not fit"));

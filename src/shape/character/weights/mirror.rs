@@ -36,14 +36,12 @@ impl SkinWeights {
     /// their own and their mirrored weights.
     ///
     /// # Errors
-    /// [`CharacterError::PerVertex`] for another mesh, [`CharacterError::Pose`] if `joints` has the wrong length,
-    /// [`CharacterError::NoSuchJoint`].
+    /// [`CharacterError::PerVertex`] for another mesh, [`CharacterError::Input`] if `joints` has the wrong length or names a joint that does
+    /// not exist.
     pub fn mirrored(&self, mesh: &TriMesh, mirroring: &Mirroring) -> Result<(Self, MirrorReport), CharacterError> {
         let (given, vertices) = (self.vertex_count(), mesh.vertex_count());
         CharacterError::check_per_vertex("rows of weights", given, vertices)?;
-        if mirroring.joints.len() != self.joint_count() {
-            return Err(CharacterError::Pose { given: mirroring.joints.len(), joints: self.joint_count() });
-        }
+        CharacterError::check_pose(mirroring.joints.len(), self.joint_count())?;
         let in_plane = 1e-6 * mesh.diagonal();
         let height = |p: &Point3<f64>| (p - mirroring.point).dot(&mirroring.normal);
         let kept: Vec<usize> = (0..vertices).filter(|&v| height(&mesh.positions()[v]) >= -in_plane).collect();
@@ -75,15 +73,14 @@ impl SkinWeights {
 /// The mirror image of each joint by its name (see [`other_side`]); joints without a side are their own image.
 ///
 /// # Errors
-/// [`CharacterError::UnknownJoint`] if a joint has a side but no counterpart.
+/// [`CharacterError::Input`] if a joint has a side but no counterpart.
 pub fn mirror_joints_by_name(skeleton: &Skeleton) -> Result<Vec<u32>, CharacterError> {
     let number: HashMap<&str, u32> = skeleton.joints().iter().map(|j| j.name.as_str()).zip(0..).collect();
     let image = |(j, joint): (usize, &super::super::Joint)| match other_side(&joint.name) {
         None => Ok(j as u32),
-        Some(name) => match number.get(name.as_str()) {
-            Some(&k) => Ok(k),
-            None => Err(CharacterError::UnknownJoint { name, nearest: Some(joint.name.clone()) }),
-        },
+        Some(name) => number.get(name.as_str()).copied().ok_or_else(|| {
+            CharacterError::Input(format!("there is no joint {name:?}; did you mean {:?}?", joint.name))
+        }),
     };
     skeleton.joints().iter().enumerate().map(image).collect()
 }

@@ -2,11 +2,11 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use super::super::Rig;
 use super::super::text::Words;
-use super::super::{Rig, RigFileError};
 use super::{END, FORMAT};
 use crate::character::clip::{Curve, Interpolation, Keys, Track, rotations};
-use crate::character::{Clip, Joint, Skeleton};
+use crate::character::{Clip, Joint, RigFileError, Skeleton};
 use plumbline_num::math::Trs;
 
 /// Largest number of frames: nineteen hours at 60 per second.
@@ -30,7 +30,7 @@ struct Channels {
 /// Parses a skeleton and its animation, named `motion`.
 ///
 /// # Errors
-/// [`RigFileError::Malformed`], and errors of the joints.
+/// [`RigFileError::Content`], and errors of the joints.
 pub fn parse_bvh(text: &str) -> Result<Rig, RigFileError> {
     let mut words = Words::new(FORMAT, text);
     words.expect("HIERARCHY")?;

@@ -4,10 +4,9 @@ use std::fmt::Write as _;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::super::RigFileError;
 use super::{END, FORMAT};
 use crate::character::clip::Extrapolation;
-use crate::character::{Clip, Pose, Skeleton};
+use crate::character::{Clip, Pose, RigFileError, Skeleton};
 
 /// Frames per second if the clip's keys are not evenly spaced: the common rate of BVH files.
 const RATE: f64 = 30.0;
@@ -20,11 +19,11 @@ const MAX_FRAMES: f64 = 1e6;
 /// single spaces. Second result: what the format cannot represent.
 ///
 /// # Errors
-/// [`RigFileError::Unwritable`] for several roots or too many frames, [`RigFileError::Clip`] for a clip of another skeleton.
+/// [`RigFileError::Content`] for several roots or too many frames, [`RigFileError::Character`] for a clip of another skeleton.
 pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec<&'static str>), RigFileError> {
     let mut roots = skeleton.roots();
     let (root, others) = (roots.next(), roots.count());
-    let unwritable = |fault: String| RigFileError::Unwritable { format: FORMAT, fault };
+    let unwritable = |fault: String| RigFileError::Content(format!("{FORMAT} cannot hold the skeleton: {fault}"));
     let Some(root) = root.filter(|_| others == 0) else {
         return Err(unwritable(format!("it has {} roots, and one is allowed", others + 1)));
     };

@@ -2,9 +2,8 @@
 
 use nalgebra::Matrix4;
 
-use super::RigFileError;
 use super::joints::Joints;
-use crate::character::CharacterError;
+use crate::character::{CharacterError, RigFileError};
 use crate::mesh::model::articulation::Articulation;
 
 /// Largest difference of consistent bind matrices, relative to the largest entry: products of single-precision matrices.
@@ -32,8 +31,7 @@ pub(super) fn bind(articulation: &Articulation, joints: &Joints) -> Result<Bound
             of_skin[skin as usize].unwrap_or_else(Matrix4::identity)
         } else {
             let joint = joints.of_node[instance.node as usize] as usize;
-            let name = || joints.skeleton.joints()[joint].name.clone();
-            let flat = || CharacterError::FlatJoint { joint: name() };
+            let flat = || CharacterError::flat_joint(&joints.skeleton.joints()[joint].name);
             let back = world[instance.node as usize].try_inverse().ok_or_else(flat)?;
             // The vertices are in the rest pose of the node; B⁻¹ W⁻¹ maps them to the bind pose of B.
             let bind = *inverse_bind[joint].get_or_insert(back);
@@ -55,8 +53,11 @@ fn skin_map(
 ) -> Result<Matrix4<f64>, RigFileError> {
     let skin = &articulation.skins[number];
     let joint = |k: usize| joints.of_node[skin.joints[k] as usize] as usize;
-    let refused =
-        |k: usize| RigFileError::Bindings { skin: number, joint: joints.skeleton.joints()[joint(k)].name.clone() };
+    let refused = |k: usize| {
+        let name = &joints.skeleton.joints()[joint(k)].name;
+        let fault = "otherwise than the skins before it, and not by one map for all its joints";
+        RigFileError::Content(format!("skin {number} binds joint {name:?} {fault}"))
+    };
     let known = (0..skin.joints.len()).find_map(|k| Some((k, inverse_bind[joint(k)]?)));
     let map = match known {
         None => Matrix4::identity(),

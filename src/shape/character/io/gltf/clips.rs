@@ -1,8 +1,9 @@
 //! Node animations as clips.
 
-use super::RigFileError;
 use super::joints::Joints;
-use crate::character::{Clip, ClipError, Curve, Interpolation, Keys, MorphTrack, RotationKeys, Track};
+use crate::character::{
+    CharacterError, Clip, Curve, Interpolation, Keys, MorphTrack, RigFileError, RotationKeys, Track,
+};
 use crate::mesh::NO_VALUE;
 use crate::mesh::model::articulation::{Articulation, Channel, ChannelInterpolation, Property};
 
@@ -45,7 +46,7 @@ pub(super) fn read(
     Ok(clips)
 }
 
-fn curve(channel: &Channel) -> Result<Curve, ClipError> {
+fn curve(channel: &Channel) -> Result<Curve, CharacterError> {
     Ok(match channel.property {
         Property::Translation => Curve::Translation(keys(channel, 3, 0)?),
         Property::Scale => Curve::Scale(keys(channel, 3, 0)?),
@@ -53,14 +54,14 @@ fn curve(channel: &Channel) -> Result<Curve, ClipError> {
     })
 }
 
-fn morph_tracks(channel: &Channel, first: u32) -> Result<Vec<MorphTrack>, ClipError> {
+fn morph_tracks(channel: &Channel, first: u32) -> Result<Vec<MorphTrack>, CharacterError> {
     let width = channel.values.len() / (channel.times.len() * channel.interpolation.per_key());
     let track = |k: usize| Ok(MorphTrack { target: first + k as u32, keys: keys(channel, width, k)? });
     (0..width).map(track).collect()
 }
 
 /// `N` components from component `from` of rows of `width`.
-fn keys<const N: usize>(channel: &Channel, width: usize, from: usize) -> Result<Keys<N>, ClipError> {
+fn keys<const N: usize>(channel: &Channel, width: usize, from: usize) -> Result<Keys<N>, CharacterError> {
     let rows: Vec<[f64; N]> =
         channel.values.chunks_exact(width).map(|row| std::array::from_fn(|k| row[from + k])).collect();
     let (values, interpolation) = match channel.interpolation {

@@ -4,8 +4,7 @@ use std::collections::HashSet;
 
 use nalgebra::Matrix4;
 
-use super::RigFileError;
-use crate::character::{Joint, Skeleton};
+use crate::character::{Joint, RigFileError, Skeleton};
 use crate::mesh::NO_VALUE;
 use crate::mesh::model::articulation::{Articulation, NodeTransform};
 use plumbline_num::math::Trs;
@@ -54,7 +53,11 @@ impl Joints {
         let mut joints = Vec::with_capacity(nodes.len());
         for (&node, name) in nodes.iter().zip(names) {
             let described = &articulation.nodes[node as usize];
-            let rest = frame(&described.transform).ok_or_else(|| RigFileError::Shear { node: name.clone() })?;
+            let sheared = || {
+                let supported = "a joint supports translation, rotation and scale only";
+                RigFileError::Content(format!("the matrix of node {name:?} has shear; {supported}"))
+            };
+            let rest = frame(&described.transform).ok_or_else(sheared)?;
             let parent = described.parent.map(|p| of_node[p as usize]).filter(|&p| p != NO_VALUE);
             let limits = super::limits::read(described.extras.as_ref(), &name)?;
             joints.push(Joint { name, parent, rest, limits });

@@ -23,11 +23,7 @@ pub(super) fn read(extras: Option<&Value>, joint: &str) -> Result<Option<Limits>
         let [swing, twist] = [entry.swing_deg, entry.twist_deg].map(|v| v.map(f64::to_radians));
         Some(Limits { axis: axis(entry.axis)?, across: axis(entry.across)?, swing, twist })
     };
-    let malformed = || CharacterError::Limits {
-        joint: joint.to_owned(),
-        what: "entry",
-        value: entry.to_string(),
-        expected: "axis, across, swing_deg and twist_deg",
-    };
-    read().map(Some).ok_or_else(malformed)
+    let expected = "axis, across, swing_deg and twist_deg";
+    let malformed = || format!("the entry {entry} of joint {joint:?} is invalid (expected {expected})");
+    read().map(Some).ok_or_else(|| CharacterError::Input(malformed()))
 }

@@ -22,8 +22,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix4, Point3, Vector3};
 
-use super::RigFileError;
-use crate::character::{Character, CharacterError, MorphShape, Skin, SkinWeights};
+use crate::character::{Character, CharacterError, MorphShape, RigFileError, Skin, SkinWeights};
 use crate::mesh::Model;
 use crate::mesh::model::articulation::Articulation;
 use joints::Joints;
@@ -31,7 +30,8 @@ use joints::Joints;
 /// Converts a model to a character.
 ///
 /// # Errors
-/// [`RigFileError`]: `NoSkin`, `Shear`, `Bindings`, and errors of its joints, weights and clips.
+/// [`RigFileError::NoSkin`]; [`RigFileError::Content`] for a sheared node or inconsistent bind matrices; errors of its joints, weights and
+/// clips.
 pub fn character_of(model: &Model) -> Result<Character, RigFileError> {
     let articulation = model.articulation().ok_or(RigFileError::NoSkin)?;
     let mut warnings = model.warnings().to_vec();

@@ -2,7 +2,7 @@
 
 use nalgebra::SMatrix;
 
-use super::ModelFileError;
+use crate::character::RigFileError;
 
 /// The remaining bytes of a file.
 pub(super) struct Reader<'a> {
@@ -14,75 +14,67 @@ impl<'a> Reader<'a> {
         Self { left: bytes }
     }
 
-    pub(super) fn take(&mut self, count: usize, place: &dyn Fn() -> String) -> Result<&'a [u8], ModelFileError> {
-        let Some((taken, left)) = self.left.split_at_checked(count) else {
-            return Err(ModelFileError::Truncated { place: place(), needed: (count - self.left.len()) as u64 });
-        };
+    pub(super) fn take(&mut self, count: usize, place: &dyn Fn() -> String) -> Result<&'a [u8], RigFileError> {
+        self.fits(count as u64, 1, place)?;
+        let (taken, left) = self.left.split_at(count);
         self.left = left;
         Ok(taken)
     }
 
-    fn array<const N: usize>(&mut self, place: &dyn Fn() -> String) -> Result<[u8; N], ModelFileError> {
+    fn array<const N: usize>(&mut self, place: &dyn Fn() -> String) -> Result<[u8; N], RigFileError> {
         Ok(self.take(N, place)?.try_into().expect("as many as asked for"))
     }
 
-    pub(super) fn u32(&mut self, place: &dyn Fn() -> String) -> Result<u32, ModelFileError> {
+    pub(super) fn u32(&mut self, place: &dyn Fn() -> String) -> Result<u32, RigFileError> {
         Ok(u32::from_le_bytes(self.array(place)?))
     }
 
-    pub(super) fn u64(&mut self, place: &dyn Fn() -> String) -> Result<u64, ModelFileError> {
+    pub(super) fn u64(&mut self, place: &dyn Fn() -> String) -> Result<u64, RigFileError> {
         Ok(u64::from_le_bytes(self.array(place)?))
     }
 
     /// A count of items of at least `each` bytes; the remaining bytes must hold them.
-    pub(super) fn count(&mut self, each: usize, place: &dyn Fn() -> String) -> Result<usize, ModelFileError> {
+    pub(super) fn count(&mut self, each: usize, place: &dyn Fn() -> String) -> Result<usize, RigFileError> {
         let count = self.u64(place)?;
         self.fits(count, each, place)?;
         Ok(count as usize)
     }
 
     /// Rejects counts that the remaining bytes cannot hold.
-    pub(super) fn fits(&self, count: u64, each: usize, place: &dyn Fn() -> String) -> Result<(), ModelFileError> {
+    pub(super) fn fits(&self, count: u64, each: usize, place: &dyn Fn() -> String) -> Result<(), RigFileError> {
         let (wanted, left) = (count.saturating_mul(each as u64), self.left.len() as u64);
-        if wanted > left {
-            return Err(ModelFileError::Truncated { place: place(), needed: wanted - left });
+        if wanted <= left {
+            return Ok(());
         }
-        Ok(())
+        let missing = format!("at least {} bytes are missing; was it copied completely?", wanted - left);
+        Err(RigFileError::Content(format!("the file ends within {}: {missing}", place())))
     }
 
     /// A number below `end`.
-    pub(super) fn index(&mut self, end: usize, place: &dyn Fn() -> String) -> Result<u32, ModelFileError> {
+    pub(super) fn index(&mut self, end: usize, place: &dyn Fn() -> String) -> Result<u32, RigFileError> {
         let value = self.u32(place)?;
         if (value as usize) < end {
             return Ok(value);
         }
-        let expected = format!("0 to {}", end.saturating_sub(1));
-        Err(ModelFileError::Value { place: place(), value: value.to_string(), expected })
+        Err(invalid(&place(), value, &format!("0 to {}", end.saturating_sub(1))))
     }
 
     /// A finite double.
-    pub(super) fn f64(&mut self, place: &dyn Fn() -> String) -> Result<f64, ModelFileError> {
-        let value = f64::from_le_bytes(self.array(place)?);
-        if value.is_finite() {
-            return Ok(value);
-        }
-        Err(ModelFileError::Value { place: place(), value: value.to_string(), expected: "a finite number".to_owned() })
+    pub(super) fn f64(&mut self, place: &dyn Fn() -> String) -> Result<f64, RigFileError> {
+        finite(f64::from_le_bytes(self.array(place)?), place)
     }
 
     /// A finite single.
-    pub(super) fn f32(&mut self, place: &dyn Fn() -> String) -> Result<f32, ModelFileError> {
+    pub(super) fn f32(&mut self, place: &dyn Fn() -> String) -> Result<f32, RigFileError> {
         let value = f32::from_le_bytes(self.array(place)?);
-        if value.is_finite() {
-            return Ok(value);
-        }
-        Err(ModelFileError::Value { place: place(), value: value.to_string(), expected: "a finite number".to_owned() })
+        finite(f64::from(value), place).map(|_| value)
     }
 
     /// A matrix of finite doubles, column-major.
     pub(super) fn matrix<const R: usize, const C: usize>(
         &mut self,
         place: &dyn Fn() -> String,
-    ) -> Result<SMatrix<f64, R, C>, ModelFileError> {
+    ) -> Result<SMatrix<f64, R, C>, RigFileError> {
         let mut matrix = SMatrix::<f64, R, C>::zeros();
         for x in matrix.iter_mut() {
             *x = self.f64(place)?;
@@ -91,12 +83,24 @@ impl<'a> Reader<'a> {
     }
 
     /// Rejects trailing bytes.
-    pub(super) fn end(self) -> Result<(), ModelFileError> {
+    pub(super) fn end(self) -> Result<(), RigFileError> {
         match self.left.len() {
             0 => Ok(()),
-            bytes => Err(ModelFileError::Trailing { bytes }),
+            bytes => {
+                let fault = format!("{bytes} bytes follow the end of the model; is this the right file?");
+                Err(RigFileError::Content(fault))
+            }
         }
     }
+}
+
+/// Reports an invalid value.
+pub(super) fn invalid(place: &str, value: impl std::fmt::Display, expected: &str) -> RigFileError {
+    RigFileError::Content(format!("{place} is {value} (expected {expected})"))
+}
+
+fn finite(value: f64, place: &dyn Fn() -> String) -> Result<f64, RigFileError> {
+    if value.is_finite() { Ok(value) } else { Err(invalid(&place(), value, "a finite number")) }
 }
 
 /// A file being written.

@@ -14,7 +14,6 @@
 //! A model belongs to its rest mesh and skeleton and is rejected with others. Joints are matched by name.
 
 mod bytes;
-mod error;
 mod parts;
 #[cfg(test)]
 mod tests;
@@ -23,15 +22,13 @@ use std::path::Path;
 
 use nalgebra::{Matrix4, Point3};
 
-pub use error::ModelFileError;
-
-use super::super::{CharacterError, Skeleton, SkinWeights, WeightsFile};
+use super::super::{CharacterError, RigFileError, Skeleton, SkinWeights, WeightsFile};
 use super::reduced::{Parts, Reduced};
 use super::surface_of_gradients::SurfaceOfGradients;
 use super::training::Regressor;
 use super::{BlendedPositions, RegressionModel};
 use crate::mesh::TriMesh;
-use bytes::{Reader, Writer};
+use bytes::{Reader, Writer, invalid};
 use parts::{
     Reducing, read_joints, read_reduced, read_regressors, read_weights, write_reduced, write_regressors, write_weights,
 };
@@ -86,7 +83,7 @@ impl SkinModel {
     /// A full model with its mesh and skeleton, for a file.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for another skeleton, [`CharacterError::PerVertex`] for another mesh.
+    /// [`CharacterError::Input`] for another skeleton, [`CharacterError::PerVertex`] for another mesh.
     pub fn of(mesh: &TriMesh, skeleton: &Skeleton, model: &RegressionModel) -> Result<Self, CharacterError> {
         let form = Form::Full(model.regressors.clone());
         Self::new(mesh, skeleton, &model.places.weights, model.hold, form)
@@ -142,22 +139,25 @@ impl SkinModel {
     /// Reads a file.
     ///
     /// # Errors
-    /// What [`Self::from_bytes`] refuses; [`ModelFileError::Document`].
-    pub fn read(path: &Path) -> Result<Self, ModelFileError> {
+    /// What [`Self::from_bytes`] refuses; [`RigFileError::Document`].
+    pub fn read(path: &Path) -> Result<Self, RigFileError> {
         Self::from_bytes(&KIND.bytes(path)?)
     }
 
     /// Parses the content of a file.
     ///
     /// # Errors
-    /// [`ModelFileError`]: wrong magic bytes or version, truncated or trailing data, invalid numbers, weights that do not sum to one.
-    pub fn from_bytes(content: &[u8]) -> Result<Self, ModelFileError> {
-        let Some(rest) = content.strip_prefix(MAGIC) else { return Err(ModelFileError::Foreign) };
+    /// [`RigFileError`]: wrong magic bytes or version, truncated or trailing data, invalid numbers, weights that do not sum to one.
+    pub fn from_bytes(content: &[u8]) -> Result<Self, RigFileError> {
+        let refused = |fault: String| RigFileError::Content(fault);
+        let foreign = || refused("not a trained skin (expected a file that `plumbline skin train` wrote)".to_owned());
+        let rest = content.strip_prefix(MAGIC).ok_or_else(foreign)?;
         let mut r = Reader::new(rest);
         let head = &|| "the head".to_owned();
         let version = r.u32(head)?;
         if version != VERSION {
-            return Err(ModelFileError::Version { found: version });
+            let expected = format!("(expected {VERSION}): train it again");
+            return Err(refused(format!("version {version} of a trained skin is not supported {expected}")));
         }
         let form = r.index(2, &|| "the form".to_owned())?;
         // Least sizes: a vertex has a weight count, a triangle two indices.
@@ -166,8 +166,7 @@ impl SkinModel {
         let fingerprint = r.u64(head)?;
         let hold = r.f64(&|| "the hold".to_owned())?;
         if !(hold > 0.0) {
-            let expected = "above 0".to_owned();
-            return Err(ModelFileError::Value { place: "the hold".to_owned(), value: hold.to_string(), expected });
+            return Err(invalid("the hold", hold, "above 0"));
         }
         let (joints, parents) = read_joints(&mut r)?;
         let weights = read_weights(&mut r, vertices, joints.len())?;
@@ -206,9 +205,9 @@ impl SkinModel {
     /// Binds the model to a mesh and a skeleton, which may have more joints in another order.
     ///
     /// # Errors
-    /// [`ModelFileError::Mesh`], [`ModelFileError::Connectivity`] for another mesh than the training mesh;
-    /// [`CharacterError::UnknownJoint`], [`ModelFileError::Parent`] for another skeleton; [`CharacterError::Solve`].
-    pub fn bound(&self, mesh: &TriMesh, skeleton: &Skeleton, run: &Run) -> Result<TrainedSkin, ModelFileError> {
+    /// [`RigFileError::Content`] for another mesh than the training mesh or another hierarchy of joints; [`CharacterError::Input`] for a joint
+    /// that the skeleton does not have; [`CharacterError::Solve`].
+    pub fn bound(&self, mesh: &TriMesh, skeleton: &Skeleton, run: &Run) -> Result<TrainedSkin, RigFileError> {
         let joints = self.check(mesh, skeleton)?;
         let (weights, parents, hold) = (self.weights.clone(), self.parents.clone(), self.hold);
         let model = match &self.form {
@@ -232,33 +231,36 @@ impl SkinModel {
     ///
     /// # Errors
     /// As [`Self::bound`].
-    pub fn check(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<Vec<u32>, ModelFileError> {
+    pub fn check(&self, mesh: &TriMesh, skeleton: &Skeleton) -> Result<Vec<u32>, RigFileError> {
         self.check_mesh(mesh)?;
         let joints = self.joints.iter().map(|n| skeleton.named(n)).collect::<Result<Vec<u32>, _>>()?;
         self.check_parents(skeleton, &joints)?;
         Ok(joints)
     }
 
-    fn check_mesh(&self, mesh: &TriMesh) -> Result<(), ModelFileError> {
+    fn check_mesh(&self, mesh: &TriMesh) -> Result<(), RigFileError> {
         let (vertices, triangles) = (mesh.vertex_count(), mesh.triangle_count());
-        if (vertices, triangles) != (self.vertices, self.triangles) {
-            let (expected_vertices, expected_triangles) = (self.vertices, self.triangles);
-            return Err(ModelFileError::Mesh { expected_vertices, expected_triangles, vertices, triangles });
-        }
-        if fingerprint(mesh) != self.fingerprint {
-            return Err(ModelFileError::Connectivity);
-        }
-        Ok(())
+        let difference = if (vertices, triangles) != (self.vertices, self.triangles) {
+            let model = format!("the model has {} vertices and {} triangles", self.vertices, self.triangles);
+            format!("{model}, the mesh has {vertices} and {triangles}")
+        } else if fingerprint(mesh) != self.fingerprint {
+            "the triangles of the mesh differ from those of the training mesh".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(RigFileError::Content(format!("{difference}; give the rest mesh that the model was trained on")))
     }
 
-    fn check_parents(&self, skeleton: &Skeleton, joints: &[u32]) -> Result<(), ModelFileError> {
+    fn check_parents(&self, skeleton: &Skeleton, joints: &[u32]) -> Result<(), RigFileError> {
         let quoted = |name: Option<&str>| name.map_or_else(|| "none".to_owned(), |n| format!("{n:?}"));
         for (j, &number) in joints.iter().enumerate() {
             let expected = self.parents[j].map(|p| self.joints[p as usize].as_str());
             let found = skeleton.joints()[number as usize].parent.map(|p| skeleton.joints()[p as usize].name.as_str());
             if expected != found {
-                let (expected, found) = (quoted(expected), quoted(found));
-                return Err(ModelFileError::Parent { joint: self.joints[j].clone(), expected, found });
+                let (joint, expected, found) = (&self.joints[j], quoted(expected), quoted(found));
+                let parents =
+                    format!("the parent of joint {joint:?} is {expected} in the model and {found} in the skeleton");
+                return Err(RigFileError::Content(format!("{parents}; give the skeleton that it was trained with")));
             }
         }
         Ok(())
@@ -281,11 +283,11 @@ impl TrainedSkin {
     /// The surface for the skin matrices of a pose of the skeleton.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for fewer matrices than the skeleton has joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Input`] for fewer matrices than the skeleton has joints or an invalid matrix.
     pub fn positions(&mut self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
         let mine = self.joints.iter().map(|&j| matrices.get(j as usize).copied()).collect::<Option<Vec<_>>>();
         let needed = self.joints.iter().max().map_or(0, |j| *j as usize + 1);
-        let mine = mine.ok_or(CharacterError::Matrices { joints: needed, matrices: matrices.len() })?;
+        let mine = mine.ok_or_else(|| CharacterError::wrong_matrices(needed, matrices.len()))?;
         match &mut self.model {
             Bound::Full(model) => model.positions(&mine),
             Bound::Reduced(model) => model.positions(&mine),

@@ -5,8 +5,9 @@ use nalgebra::DMatrix;
 use super::super::super::SkinWeights;
 use super::super::reduced::{Group, MAX_KEYS, Map};
 use super::super::training::Regressor;
-use super::bytes::{Reader, Writer};
-use super::{ModelFileError, NONE};
+use super::NONE;
+use super::bytes::{Reader, Writer, invalid};
+use crate::character::RigFileError;
 
 /// Bytes of a regressor's matrix.
 const MAP: usize = 36 * 8;
@@ -14,43 +15,33 @@ const MAP: usize = 36 * 8;
 const MAX_JOINTS: usize = 1 << 16;
 
 /// Joint names and parents.
-pub(super) fn read_joints(r: &mut Reader<'_>) -> Result<(Vec<String>, Vec<Option<u32>>), ModelFileError> {
+pub(super) fn read_joints(r: &mut Reader<'_>) -> Result<(Vec<String>, Vec<Option<u32>>), RigFileError> {
     let count = r.count(8, &|| "the joints".to_owned())?;
     if count == 0 || count > MAX_JOINTS {
-        let expected = format!("1 to {MAX_JOINTS}");
-        let place = "the number of joints".to_owned();
-        return Err(ModelFileError::Value { place, value: count.to_string(), expected });
+        return Err(invalid("the number of joints", count, &format!("1 to {MAX_JOINTS}")));
     }
     let (mut joints, mut parents) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for j in 0..count {
         let place = &|| format!("the name of joint {j}");
         let length = r.u32(place)? as usize;
         let name = std::str::from_utf8(r.take(length, place)?);
-        let name = name.map_err(|e| ModelFileError::Value {
-            place: place(),
-            value: e.to_string(),
-            expected: "UTF-8".to_owned(),
-        })?;
-        joints.push(name.to_owned());
+        joints.push(name.map_err(|e| invalid(&place(), e, "UTF-8"))?.to_owned());
         parents.push(read_parent(r, j, count)?);
     }
     Ok((joints, parents))
 }
 
-fn read_parent(r: &mut Reader<'_>, joint: usize, count: usize) -> Result<Option<u32>, ModelFileError> {
+fn read_parent(r: &mut Reader<'_>, joint: usize, count: usize) -> Result<Option<u32>, RigFileError> {
     let place = || format!("the parent of joint {joint}");
     match r.u32(&place)? {
         NONE => Ok(None),
         parent if (parent as usize) < count => Ok(Some(parent)),
-        parent => {
-            let expected = format!("0 to {}, or {NONE} for none", count - 1);
-            Err(ModelFileError::Value { place: place(), value: parent.to_string(), expected })
-        }
+        parent => Err(invalid(&place(), parent, &format!("0 to {}, or {NONE} for none", count - 1))),
     }
 }
 
 /// Weights of the blended positions.
-pub(super) fn read_weights(r: &mut Reader<'_>, vertices: usize, joints: usize) -> Result<SkinWeights, ModelFileError> {
+pub(super) fn read_weights(r: &mut Reader<'_>, vertices: usize, joints: usize) -> Result<SkinWeights, RigFileError> {
     let mut rows = Vec::with_capacity(vertices);
     for v in 0..vertices {
         let place = &|| format!("the weights of vertex {v}");
@@ -80,7 +71,7 @@ pub(super) fn read_regressors(
     r: &mut Reader<'_>,
     triangles: usize,
     joints: usize,
-) -> Result<Vec<Regressor>, ModelFileError> {
+) -> Result<Vec<Regressor>, RigFileError> {
     r.fits(triangles as u64, 8 + MAP, &|| "the triangles".to_owned())?;
     let regressor = |t: usize| {
         let place = &|| format!("the regressor of triangle {t}");
@@ -100,7 +91,7 @@ pub(super) fn write_regressors(w: &mut Writer, regressors: &[Regressor]) {
 /// Groups, the group of each triangle, and all maps.
 pub(super) type Reducing = (Vec<Group>, Vec<u32>, Vec<Map>);
 
-pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) -> Result<Reducing, ModelFileError> {
+pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) -> Result<Reducing, RigFileError> {
     let count = r.count(16, &|| "the groups".to_owned())?;
     let groups: Vec<Group> = (0..count).map(|s| read_group(r, s, joints)).collect::<Result<_, _>>()?;
     let (mut group_of, mut maps) = (Vec::with_capacity(triangles), Vec::new());
@@ -121,7 +112,7 @@ pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) 
     Ok((groups, group_of, maps))
 }
 
-fn read_group(r: &mut Reader<'_>, sheet: usize, joints: usize) -> Result<Group, ModelFileError> {
+fn read_group(r: &mut Reader<'_>, sheet: usize, joints: usize) -> Result<Group, RigFileError> {
     let place = &|| format!("group {sheet}");
     let (bone, joint) = (r.index(joints, place)?, r.index(joints, place)?);
     let keys = r.index(MAX_KEYS + 1, &|| format!("the number of key triangles of group {sheet}"))? as usize;

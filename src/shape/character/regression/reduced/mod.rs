@@ -101,7 +101,7 @@ impl RegressionModel {
     /// largest effect, weighted by area.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for samples of another skeleton, [`CharacterError::Option`] for more than 32 shapes.
+    /// [`CharacterError::Input`] for samples of another skeleton, [`CharacterError::Option`] for more than 32 shapes.
     pub fn reduced(&self, samples: &[Vec<Matrix4<f64>>], most: usize, run: &Run) -> Result<Reduced, CharacterError> {
         let joints = self.parents.len();
         OptionError::check(most <= MAX_SHAPES, "prototypes", most as f64, "0 to 32")?;
@@ -141,7 +141,7 @@ impl Reduced {
     /// Shape coefficients of a pose.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`].
+    /// [`CharacterError::Input`] for a wrong number of joints or an invalid matrix.
     pub fn coordinates(&self, matrices: &[Matrix4<f64>]) -> Result<Coordinates, CharacterError> {
         check_pose(&self.parts.parents, matrices)?;
         let turns = JointRotations::new(matrices, &self.parts.parents);

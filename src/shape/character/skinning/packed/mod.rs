@@ -26,7 +26,7 @@ mod tests;
 
 use nalgebra::{Matrix4, Point3, Vector3};
 
-use super::super::skin::check_affine;
+use super::super::skin::{check_affine, invalid_matrix};
 use super::super::{CharacterError, Skin};
 use super::dual_quaternion::Motions;
 use super::linear_blend::Affine;
@@ -64,18 +64,18 @@ impl PackedSkin {
     /// Packs a skin.
     ///
     /// # Errors
-    /// [`CharacterError::TooManyInfluences`] if a vertex has more than four influences, [`CharacterError::PerVertex`] for weights of
-    /// another mesh, [`CharacterError::Matrix`] if a bind matrix is singular.
+    /// [`CharacterError::PerVertex`] for weights of another mesh, [`CharacterError::Input`] if a vertex has more than four influences or a
+    /// bind matrix is singular.
     pub fn new(mesh: &TriMesh, skin: &Skin) -> Result<Self, CharacterError> {
         let (weights, vertices) = (skin.weights(), mesh.vertex_count());
         CharacterError::check_per_vertex("rows of weights", weights.vertex_count(), vertices)?;
         if let Some(vertex) = weights.rows().position(|r| r.len() > INFLUENCES) {
-            let found = weights.row(vertex).len();
-            return Err(CharacterError::TooManyInfluences { vertex, found, most: INFLUENCES });
+            let found = format!("vertex {vertex} has {} influences", weights.row(vertex).len());
+            return Err(CharacterError::Input(format!("{found} (at most {INFLUENCES}); limit the weights first")));
         }
         let middle = mesh.bounding_box().map_or(Point3::origin(), |(low, high)| nalgebra::center(&low, &high));
         let pivot = |(joint, b): (usize, &Matrix4<f64>)| {
-            let frame = b.try_inverse().ok_or(CharacterError::Matrix { joint, what: "flat" })?;
+            let frame = b.try_inverse().ok_or_else(|| invalid_matrix(joint, "flat"))?;
             Ok::<_, CharacterError>(Point3::new(frame.m14, frame.m24, frame.m34))
         };
         let pivots: Vec<_> = skin.inverse_bind().iter().enumerate().map(pivot).collect::<Result<_, _>>()?;
@@ -102,8 +102,8 @@ impl PackedSkin {
     /// Linear blend skinning. Returns the origin of the results.
     ///
     /// # Errors
-    /// [`CharacterError::Matrices`] for a wrong number of joints, [`CharacterError::Matrix`], [`CharacterError::PerVertex`] for a wrong
-    /// number of results.
+    /// [`CharacterError::Input`] for a wrong number of joints or an invalid matrix, [`CharacterError::PerVertex`] for a wrong number of
+    /// results.
     pub fn linear_blend(&self, matrices: &[Matrix4<f64>], out: &mut [[f32; 3]]) -> Result<Point3<f64>, CharacterError> {
         self.check(matrices, out)?;
         let (middle, moved) = self.recentered(matrices);
