@@ -20,7 +20,6 @@ pub use lens::{
 };
 pub use pose::CameraPose;
 #[cfg(feature = "schema")]
-#[cfg(feature = "schema")]
 pub use profile::lens_file_schema;
 pub use profile::{LensFile, LensFileError, Profile, ProfileError, lensfun_lens, parse_lens, read_lens};
 

@@ -22,12 +22,10 @@ use nalgebra::{Matrix2, Matrix2x3};
 
 use super::radial::Radial;
 use super::unified::Unified;
-use super::{LensError, PlaneModel, invert, polynomial};
+use super::{LensError, MAX_PLANE_RADIUS, PlaneModel, invert, polynomial};
 use crate::Vec3;
 use plumbline_num::math::Vec2;
 
-/// Radius up to which an unbounded plane is searched, focal lengths: 89.99° off the axis.
-const MAX_PLANE_RADIUS: f64 = 1e4;
 /// Directions in the plane in which the end of the field is searched, and steps along each.
 const SEARCH: (usize, usize) = (24, 128);
 /// Maximum number of Newton iterations; three to five are usual.

@@ -42,6 +42,9 @@ use plumbline_num::math::{Point2, Vec2};
 /// Difference below which aspect ratios are equal: scaled pictures round their sides, video sides to multiples of 8.
 const SAME_ASPECT: f64 = 0.005;
 
+/// Radius up to which an unbounded plane is searched, focal lengths: 89.99° off the axis.
+const MAX_PLANE_RADIUS: f64 = 1e4;
+
 /// A projection with its scale: the map between directions in space and pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lens {

@@ -15,10 +15,7 @@
 //! file format*, `<distortion>`.
 
 use super::radial::{Radial, RadialModel};
-use super::{LensError, Projection, invert, polynomial};
-
-/// Radius up to which a rectilinear base is searched, focal lengths: 89.99° off the axis.
-const MAX_PLANE_RADIUS: f64 = 1e4;
+use super::{LensError, MAX_PLANE_RADIUS, Projection, invert, polynomial};
 
 /// A classical projection with a polynomial of its radius.
 #[derive(Clone, Copy, Debug, PartialEq)]

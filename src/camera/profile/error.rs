@@ -18,20 +18,9 @@ pub struct LensFileError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProfileError {
-    /// The file cannot be read.
-    #[error("cannot be read: {0}")]
+    /// The file cannot be read, is too large, or no text.
+    #[error("cannot be read: {0} (a lens file is a short JSON, YAML, XML or plain text in UTF-8)")]
     Read(#[from] std::io::Error),
-    /// Larger than any lens file.
-    #[error("has {bytes} bytes (at most {limit}): a lens file is a short text; was another file meant?")]
-    TooLarge {
-        /// Size of the file.
-        bytes: u64,
-        /// Largest size that is read.
-        limit: u64,
-    },
-    /// Not text.
-    #[error("is not text: a lens file is JSON, YAML, XML or plain text in UTF-8")]
-    NotText,
     /// None of the formats.
     #[error(
         "is no lens file that is known here (read are: lens JSON, OpenCV and ROS YAML, XML and JSON, Kalibr YAML, Gyroflow \

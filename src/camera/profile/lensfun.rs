@@ -18,9 +18,10 @@ use std::path::{Path, PathBuf};
 use roxmltree::{Document, Node};
 
 use super::names::{likeness, words};
-use super::{ExifFacts, Pinhole, Profile, ProfileError, text_of, xml};
+use super::{ExifFacts, MAX_BYTES, Pinhole, Profile, ProfileError, xml};
 use crate::exif_lens::DIAGONAL_35_MM;
 use crate::{Projection, RadialPolynomial};
+use plumbline_num::document::read_text;
 use plumbline_num::math::{Point2, Vec2};
 
 const FORMAT: &str = "lensfun";
@@ -52,7 +53,7 @@ pub fn lensfun_lens(source: Option<&Path>, picture: &ExifFacts) -> Result<Profil
         };
         return Err(ProfileError::NotInDatabase { reason });
     }
-    let texts = files.iter().map(|file| text_of(file)).collect::<Result<Vec<_>, _>>()?;
+    let texts = files.iter().map(|file| read_text(file, MAX_BYTES)).collect::<Result<Vec<_>, _>>()?;
     let documents = texts.iter().map(|text| xml::document(text)).collect::<Result<Vec<_>, _>>()?;
     lens_of_documents(&documents, picture)
 }

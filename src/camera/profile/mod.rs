@@ -32,22 +32,23 @@ mod woodscape;
 mod xml;
 mod yaml;
 
-use std::io::Read;
 use std::path::Path;
 
 pub use detect::parse_lens;
 pub use error::{LensFileError, ProfileError};
 pub use json::LensFile;
 #[cfg(feature = "schema")]
-#[cfg(feature = "schema")]
 pub use json::lens_file_schema;
 pub use lensfun::lensfun_lens;
 
 use super::{ExifFacts, Lens};
+use plumbline_num::document::read_text;
 use plumbline_num::math::{Point2, Vec2};
 
 /// Maximum file size, bytes: the largest lens files, those of databases, have 0.4 MB.
 const MAX_BYTES: u64 = 8 << 20;
+/// Maximum nesting of a file; lens files have three levels.
+const MAX_NESTING: usize = 32;
 
 /// A lens and where it comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,21 +75,9 @@ pub fn read_lens(path: &Path, picture: &ExifFacts) -> Result<Profile, LensFileEr
         if path.is_dir() {
             return lensfun_lens(Some(path), picture);
         }
-        parse_lens(&text_of(path)?, picture)
+        parse_lens(&read_text(path, MAX_BYTES)?, picture)
     };
     read().map_err(|fault| LensFileError { path: path.to_owned(), fault })
-}
-
-/// The text of a file that is not too large.
-fn text_of(path: &Path) -> Result<String, ProfileError> {
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(path)?;
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > MAX_BYTES {
-        let bytes = std::fs::metadata(path)?.len();
-        return Err(ProfileError::TooLarge { bytes, limit: MAX_BYTES });
-    }
-    String::from_utf8(bytes).map_err(|_| ProfileError::NotText)
 }
 
 /// A pinhole part as files give it.

@@ -507,8 +507,8 @@ fn a_file_is_named_in_the_message_and_large_files_and_bytes_are_refused() {
         std::fs::write(&path, bytes).expect("writable");
         read_lens(&path, &unknown()).expect_err("no lens").to_string()
     };
-    assert!(fault(&[0xff, 0xfe, 0x00]).contains("x.json: is not text"));
-    assert!(fault(&vec![b' '; 9 << 20]).contains("has 9437184 bytes (at most 8388608)"));
+    assert!(fault(&[0xff, 0xfe, 0x00]).contains("x.json: cannot be read: not text in UTF-8"));
+    assert!(fault(&vec![b' '; 9 << 20]).contains("larger than 8388608 bytes"));
     assert!(
         read_lens(&folder.path().join("none"), &unknown()).expect_err("absent").to_string().contains("cannot be read")
     );

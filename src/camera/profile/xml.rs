@@ -3,12 +3,10 @@
 use roxmltree::{Document, Node, ParsingOptions};
 use serde_json::{Map, Value, json};
 
-use super::ProfileError;
+use super::{MAX_NESTING, ProfileError};
 
 /// Maximum number of elements and texts in a document; the largest lens database has 60 000.
 const MAX_NODES: u32 = 1_000_000;
-/// Maximum nesting; lens files have three levels.
-const MAX_NESTING: usize = 32;
 
 /// The document in a text.
 pub(super) fn document(text: &str) -> Result<Document<'_>, ProfileError> {

@@ -4,10 +4,7 @@ use serde_json::{Map, Number, Value};
 use yaml_rust2::parser::{Event, Parser};
 use yaml_rust2::scanner::TScalarStyle;
 
-use super::ProfileError;
-
-/// Maximum nesting; lens files have three levels.
-const MAX_NESTING: usize = 32;
+use super::{MAX_NESTING, ProfileError};
 
 /// The first document of a text. OpenCV's first line, `%YAML:1.0`, is no YAML and is passed over.
 pub(super) fn tree(text: &str) -> Result<Value, ProfileError> {
