@@ -8,7 +8,13 @@ use plumbline::num::energy::Loss;
 use plumbline::num::optim::levenberg_marquardt::DampingOptions;
 use plumbline::num::run::Run;
 use plumbline::video::motion::sfm::bundle::{BundleOptions, Freedom, RobustFit, adjust};
-use plumbline::video::motion::sfm::synthetic::{Disturbance, Shot, ShotOptions};
+use plumbline::video::motion::sfm::{Observation, Scene, ScenePoint, TrackTable};
+use synthetic::{Disturbance, Shot, ShotOptions};
+
+/// The synthetic shots of the unit tests.
+#[path = "../src/video/motion/sfm/tests/synthetic/mod.rs"]
+#[allow(dead_code)] // path errors and tables of tracks are for tests
+mod synthetic;
 
 /// Iterations per run: what is paid once is spread as in a real run.
 const ITERATIONS: usize = 10;

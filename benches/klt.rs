@@ -7,7 +7,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use plumbline::image::{Plane, Pyramid};
-use plumbline::video::track::{KltOptions, track};
+use plumbline::video::track::track;
 
 fn waves(dx: f64, dy: f64) -> Pyramid {
     let mut rng = fastrand::Rng::with_seed(1);
@@ -29,7 +29,7 @@ fn klt(c: &mut Criterion) {
     let mut matches = Vec::new();
     c.bench_function("klt, 1000 points there and back, 640x360", |b| {
         pool.install(|| {
-            b.iter(|| matches = track(black_box(&prev), &next, &points, &points, &KltOptions::default()));
+            b.iter(|| matches = track(black_box(&prev), &next, &points, &points));
         });
     });
     let kept = matches.iter().flatten().count();

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plumbline::image::feature::{CornerDetector, CornerOptions};
+use plumbline::image::feature::CornerDetector;
 use plumbline::image::{Frame, Layout, PixelFormat, Plane, PlaneRef, Pyramid, analysis_luma};
 
 /// Overlapping rectangles under a little noise.
@@ -59,7 +59,7 @@ fn pyramid(c: &mut Criterion) {
 fn corners(c: &mut Criterion) {
     let mut pyramid = Pyramid::new();
     pyramid.rebuild(picture(640, 360).as_ref(), 1);
-    let (mut detector, mut found) = (CornerDetector::new(CornerOptions::default()), Vec::new());
+    let (mut detector, mut found) = (CornerDetector::default(), Vec::new());
     let mut run = || {
         found.clear();
         detector.top_up(black_box(&pyramid.levels()[0]), &[], 3, None, &mut found);

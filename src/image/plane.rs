@@ -1,7 +1,7 @@
 //! One channel of an image, with a stride.
 
 /// An owned channel, rows packed at `stride` samples.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plane<T> {
     data: Vec<T>,
     width: usize,

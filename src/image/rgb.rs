@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use super::{Frame, Layout, PixelFormat};
+use super::{Frame, Layout, PixelFormat, PlaneMut};
 
 /// The frame as gray or GBR of 8 or 16 bit over the full range; alpha is left out. `None` where its memory does not hold its
 /// planes, or its matrix is not one of those weights.
@@ -20,32 +20,32 @@ pub fn rgb_frame(frame: &Frame) -> Option<Frame> {
     out.color.full_range = Some(true);
     let conversion = Conversion::of(frame)?;
     for plane in 0..out.format.planes() {
-        let width = frame.width;
         let row = |j: usize, values: &mut [f32]| conversion.row(frame, plane, j, values);
         if bits == 8 {
-            let (data, stride) = out.plane8_mut(plane)?.into_data();
-            data.par_chunks_mut(stride).take(frame.height).enumerate().try_for_each_init(
-                || vec![0.0; width],
-                |values, (j, to)| {
-                    row(j, values)?;
-                    to.iter_mut().zip(&*values).for_each(|(to, v)| *to = (255.0 * v).round().clamp(0.0, 255.0) as u8);
-                    Some(())
-                },
-            )?;
+            fill_rows(out.plane8_mut(plane)?, row, |v| (255.0 * v).round().clamp(0.0, 255.0) as u8)?;
         } else {
-            let (data, stride) = out.plane16_mut(plane)?.into_data();
-            data.par_chunks_mut(stride).take(frame.height).enumerate().try_for_each_init(
-                || vec![0.0; width],
-                |values, (j, to)| {
-                    row(j, values)?;
-                    let scaled = |v: &f32| (65_535.0 * v).round().clamp(0.0, 65_535.0) as u16;
-                    to.iter_mut().zip(&*values).for_each(|(to, v)| *to = scaled(v));
-                    Some(())
-                },
-            )?;
+            fill_rows(out.plane16_mut(plane)?, row, |v| (65_535.0 * v).round().clamp(0.0, 65_535.0) as u16)?;
         }
     }
     Some(out)
+}
+
+/// Fills a plane with `sample` of the values of each row.
+fn fill_rows<T: Send>(
+    out: PlaneMut<'_, T>,
+    row: impl Fn(usize, &mut [f32]) -> Option<()> + Sync,
+    sample: impl Fn(f32) -> T + Sync,
+) -> Option<()> {
+    let (width, height) = (out.width(), out.height());
+    let (data, stride) = out.into_data();
+    data.par_chunks_mut(stride).take(height).enumerate().try_for_each_init(
+        || vec![0.0; width],
+        |values, (j, to)| {
+            row(j, values)?;
+            to.iter_mut().zip(&*values).for_each(|(to, v)| *to = sample(*v));
+            Some(())
+        },
+    )
 }
 
 /// How samples become red, green and blue, each from 0 to 1.

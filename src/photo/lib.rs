@@ -6,6 +6,7 @@
 mod aspect_ratio;
 pub mod calibration;
 mod crop;
+mod error;
 mod great_circle;
 mod line;
 pub mod line_detection;
@@ -18,6 +19,7 @@ pub mod temporal;
 mod warp;
 
 pub use aspect_ratio::AspectRatio;
+pub use error::PhotoError;
 pub use great_circle::{Sight, best_circle};
 pub use line::{Line, Orientation};
 pub use warp::{FittedLine, Forward, LineReport, PhotoWarp};

@@ -4,6 +4,8 @@ use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::WarpField;
 use plumbline_num::math::{Point2, Vec2};
 
+/// Largest side of an output, px: the renderer's limit.
+pub(crate) const MAX_SIDE: usize = 16_384;
 /// Deviation from straightness, px, and as a fraction of the length, above both of which a line counts as bent.
 const BENT_PX: f64 = 1.0;
 const BENT_FRACTION: f64 = 1e-3;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use nalgebra::{Point3, Vector3};
 use plumbline::camera::{Lens, Projection};
-use plumbline::image::feature::{FaceDetector, FaceOptions, Importance, ImportanceError, ImportanceOptions};
+use plumbline::image::feature::{FaceDetector, FaceOptions, FeatureError, Importance, ImportanceOptions};
 use plumbline::image::render::{RenderError, complete};
 use plumbline::image::{Frame, Layout, PixelFormat, Plane};
 use plumbline::num::energy::ConstrainedLaplacian;
@@ -14,12 +14,12 @@ use plumbline::num::math::{Point2, Trs, Vec2};
 use plumbline::num::optim::qp::{Affine, QpError, QuadraticProgram};
 use plumbline::num::run::{Budget, Interrupt, Progress, Run, Stopped};
 use plumbline::num::sparse::{Method, Ordering as Elimination, SparseBuilder, SparseError};
-use plumbline::photo::calibration::{CalibrationError, CalibrationOptions, calibrate};
+use plumbline::photo::calibration::{CalibrationOptions, calibrate};
 use plumbline::photo::line_detection::{LineDetectionOptions, detect_lines};
-use plumbline::photo::rectangle::{Outline, RectangleError, RectangleInput, RectangleOptions, rectangle};
-use plumbline::photo::rectify::{Rectifier, RectifyError, RectifyInput, RectifyOptions, rectify};
-use plumbline::photo::retarget::{RetargetError, RetargetOptions, retarget};
-use plumbline::photo::{Line, Orientation};
+use plumbline::photo::rectangle::{Outline, RectangleInput, RectangleOptions, rectangle};
+use plumbline::photo::rectify::{Rectifier, RectifyInput, RectifyOptions, rectify};
+use plumbline::photo::retarget::{RetargetOptions, retarget};
+use plumbline::photo::{Line, Orientation, PhotoError};
 use plumbline::shape::character::extraction::{ExtractionOptions, extract};
 use plumbline::shape::character::fitting::fit_template;
 use plumbline::shape::character::ik::{self, IkOptions};
@@ -40,11 +40,12 @@ use plumbline::shape::surface::{
     Constraint, Convergence, DeformOptions, Deformer, HandlePose, Handles, Hierarchy, InitialGuess,
     Method as Deformation, ModesOptions, SurfaceError, modes,
 };
-use plumbline::video::motion::sfm::synthetic::{Shot, ShotOptions};
 use plumbline::video::motion::sfm::{
     SfmOptions, TrackTable, Windows, average_rotations, reconstruct, reconstruct_shot,
 };
 use plumbline::video::path::{self, InterFrame, PathError, PathOptions};
+
+use crate::support::shots::{Shot, ShotOptions};
 
 fn raised() -> Run {
     let run = Run::with_interrupt(&Interrupt::new());
@@ -344,21 +345,21 @@ fn photos_end_with_their_run() {
         faces: &[],
     };
     assert_all(&[
-        ("rectification", stops!(rectify(&input, &RectifyOptions::default(), &run), RectifyError)),
+        ("rectification", stops!(rectify(&input, &RectifyOptions::default(), &run), PhotoError)),
         ("line detection", stops!(detect_lines(luma.as_ref(), Some(&lens), &LineDetectionOptions::default(), &run))),
-        ("calibration", stops!(calibrate(&lines, lens.size, &CalibrationOptions::default(), &run), CalibrationError)),
-        ("a rectangle", stops!(rectangle(&whole, &RectangleOptions::default(), &run), RectangleError)),
+        ("calibration", stops!(calibrate(&lines, lens.size, &CalibrationOptions::default(), &run), PhotoError)),
+        ("a rectangle", stops!(rectangle(&whole, &RectangleOptions::default(), &run), PhotoError)),
         (
             "retargeting",
             stops!(
                 retarget((640, 480), (400, 480), &importance, &[], &[], &RetargetOptions::default(), &run),
-                RetargetError
+                PhotoError
             ),
         ),
         ("completion", stops!(complete(&mut filled, &shown, &run), RenderError)),
         (
             "importance",
-            stops!(Importance::of_frame(&frame, &[], None, &ImportanceOptions::default(), &run), ImportanceError),
+            stops!(Importance::of_frame(&frame, &[], None, &ImportanceOptions::default(), &run), FeatureError),
         ),
         ("faces", stops!(FaceDetector::new(FaceOptions::default()).detect(&frame, &run))),
     ]);
@@ -419,7 +420,7 @@ fn an_interrupted_rectifier_keeps_its_last_solve() {
     let input = RectifyInput { lens: &lens, lines: &lines, faces: &[], saliency: None };
     let mut view = Rectifier::new(&input, &RectifyOptions::default(), &Run::default()).expect("a view");
     let before = view.sheet().clone();
-    stops_midway("rectification", |run| stops!(view.solve(&lines[..3], run), RectifyError));
+    stops_midway("rectification", |run| stops!(view.solve(&lines[..3], run), PhotoError));
     assert_eq!(*view.sheet(), before);
 }
 

@@ -5,9 +5,10 @@ use std::ops::Range;
 use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline::num::time::{Timebase, Timestamp};
 use plumbline::video::motion::{
-    self, ClipMotion, FrameFlags, FrameInput, FrameMotion, FrameScale, MotionEstimator, MotionModel, MotionOptions,
-    MotionQuality, Pair, PlanarModel, ReadoutEstimator, RowMotion, TrackPoint,
+    self, ClipMotion, FrameMotion, FrameScale, MotionEstimator, MotionModel, MotionQuality, Pair, PlanarModel,
+    ReadoutEstimator, RowMotion,
 };
+use plumbline::video::track::{FrameQuality, FrameTracks, Observation};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
@@ -42,25 +43,25 @@ fn ticks(n: usize) -> Timestamp {
     Timestamp(i64::try_from(n).expect("test clips are short"))
 }
 
-fn observe(id: usize, p: Point2) -> TrackPoint {
-    TrackPoint { id: id as u32, x: p.x as f32, y: p.y as f32 }
+fn observe(id: usize, p: Point2) -> Observation {
+    Observation { id: id as u32, x: p.x as f32, y: p.y as f32, background: true }
 }
 
-fn push(estimator: &mut MotionEstimator, frame: usize, points: &[TrackPoint]) -> FrameMotion {
-    push_flagged(estimator, frame, points, FrameFlags::default())
+fn push(estimator: &mut MotionEstimator, frame: usize, points: &[Observation]) -> FrameMotion {
+    push_flagged(estimator, frame, points, FrameQuality::default())
 }
 
 fn push_flagged(
     estimator: &mut MotionEstimator,
     frame: usize,
-    points: &[TrackPoint],
-    flags: FrameFlags,
+    points: &[Observation],
+    quality: FrameQuality,
 ) -> FrameMotion {
-    estimator.push(FrameInput { pts: ticks(frame), flags, points })
+    estimator.push(&FrameTracks { pts: ticks(frame), observations: points.to_vec(), quality })
 }
 
 fn estimator() -> MotionEstimator {
-    MotionEstimator::new(WIDTH, HEIGHT, MotionOptions::default())
+    MotionEstimator::new(WIDTH, HEIGHT)
 }
 
 /// Largest distance between two maps over the frame's corners and center, px.
@@ -80,8 +81,6 @@ fn noiseless_motion_is_recovered_exactly() {
     assert!(gap(&found.to_homography(), &s.to_homography()) < 1e-9);
     let h = perspective();
     let exact = pairs(&points, |p| h.apply(p).expect("in front"));
-    let dlt = motion::homography_dlt(&exact, &weights).expect("general position");
-    assert!(gap(&dlt, &h) < 1e-6, "direct linear transform: {}", gap(&dlt, &h));
     let refined = motion::homography(&exact, &weights, &Homography::identity(), 0.0, &scale, 20).expect("regular");
     assert!(gap(&refined, &h) < 1e-9, "least squares: {}", gap(&refined, &h));
     let corners = [0, 7, 20, 33].map(|k| exact[k]);
@@ -93,7 +92,8 @@ fn noiseless_motion_is_recovered_exactly() {
 fn points_on_a_line_determine_no_homography() {
     let line: Vec<Point2> = (0..20).map(|k| Point2::new(10.0 * f64::from(k), 5.0 * f64::from(k) + 3.0)).collect();
     let on_line = pairs(&line, |p| p + Vec2::new(1.0, 2.0));
-    assert!(motion::homography_dlt(&on_line, &[1.0; 20]).is_none());
+    let four = [0, 5, 11, 19].map(|k| on_line[k]);
+    assert!(motion::homography_of_four(four, &FrameScale::new(WIDTH, HEIGHT)).is_none());
     assert!(
         motion::similarity(&pairs(&[Point2::new(1.0, 1.0); 5], |p| p), &[1.0; 5]).is_none(),
         "one point five times"
@@ -120,7 +120,7 @@ fn constant_motion_is_measured_in_every_frame() {
     let mut points = whole_frame(200, 2);
     let mut estimator = estimator();
     for frame in 0..10 {
-        let seen: Vec<TrackPoint> = points.iter().enumerate().map(|(id, p)| observe(id, *p)).collect();
+        let seen: Vec<Observation> = points.iter().enumerate().map(|(id, p)| observe(id, *p)).collect();
         let m = push(&mut estimator, frame, &seen);
         if frame > 0 {
             // Positions are stored as f32: half a unit in the last place at 640 px is 3e-5 px.
@@ -164,10 +164,10 @@ fn the_order_of_the_points_does_not_matter() {
 fn a_picture_twice_as_large_moves_twice_as_far() {
     let mut scene = Scene::new(5..60);
     let mut small = estimator();
-    let mut large = MotionEstimator::new(2 * WIDTH, 2 * HEIGHT, MotionOptions::default());
+    let mut large = MotionEstimator::new(2 * WIDTH, 2 * HEIGHT);
     for frame in 0..25 {
         let seen = scene.next_frame();
-        let doubled: Vec<TrackPoint> = seen.iter().map(|p| TrackPoint { x: 2.0 * p.x, y: 2.0 * p.y, ..*p }).collect();
+        let doubled: Vec<Observation> = seen.iter().map(|p| Observation { x: 2.0 * p.x, y: 2.0 * p.y, ..*p }).collect();
         let (a, b) = (push(&mut small, frame, &seen), push(&mut large, frame, &doubled));
         let mut expected = *a.homography.matrix();
         (0..2).for_each(|k| {
@@ -201,7 +201,7 @@ impl Scene {
         shake(frame)
     }
 
-    fn next_frame(&mut self) -> Vec<TrackPoint> {
+    fn next_frame(&mut self) -> Vec<Observation> {
         if self.frame > 0 {
             let m = Self::motion(self.frame);
             let own = if self.walking.contains(&self.frame) { Vec2::new(3.0, 0.4) } else { Vec2::zeros() };
@@ -248,7 +248,7 @@ fn a_new_shot_starts_from_rest_and_forgets_the_old_one() {
         push(&mut estimator, frame, &scene.next_frame());
     }
     let seen = scene.next_frame();
-    let cut = push_flagged(&mut estimator, 30, &seen, FrameFlags { cut_before: true, ..FrameFlags::default() });
+    let cut = push_flagged(&mut estimator, 30, &seen, FrameQuality { cut_before: true, ..FrameQuality::default() });
     assert_eq!((cut.quality, cut.homography), (MotionQuality::ShotStart, Homography::identity()));
     assert!(estimator.background_pairs().is_empty());
     assert!(estimator.background().iter().all(|b| *b), "the blob's past is forgotten");
@@ -263,7 +263,7 @@ fn a_repeated_frame_moves_exactly_nothing() {
     }
     let seen = scene.next_frame();
     push(&mut estimator, 3, &seen);
-    let again = push_flagged(&mut estimator, 4, &seen, FrameFlags { duplicate: true, ..FrameFlags::default() });
+    let again = push_flagged(&mut estimator, 4, &seen, FrameQuality { duplicate: true, ..FrameQuality::default() });
     assert_eq!((again.quality, again.homography), (MotionQuality::Duplicate, Homography::identity()));
     let next = push(&mut estimator, 5, &scene.next_frame());
     assert!(gap(&next.homography, &Scene::motion(4).to_homography()) < 0.5);
@@ -274,15 +274,15 @@ fn nothing_to_see_is_said_and_never_panics() {
     let mut estimator = estimator();
     push(&mut estimator, 0, &[]);
     assert_eq!(push(&mut estimator, 1, &[]).quality, MotionQuality::Lost);
-    let broken = [f32::NAN, f32::INFINITY, 1e30].map(|x| TrackPoint { id: 3, x, y: x });
+    let broken = [f32::NAN, f32::INFINITY, 1e30].map(|x| Observation { id: 3, x, y: x, background: true });
     assert_eq!(push(&mut estimator, 2, &broken).quality, MotionQuality::Lost);
-    let one_place = vec![TrackPoint { id: 0, x: 5.0, y: 5.0 }; 50];
-    let one_place: Vec<_> = one_place.iter().enumerate().map(|(id, p)| TrackPoint { id: id as u32, ..*p }).collect();
+    let one_place: Vec<_> = (0..50).map(|id| observe(id, Point2::new(5.0, 5.0))).collect();
     push(&mut estimator, 3, &one_place);
     assert_eq!(push(&mut estimator, 4, &one_place).quality, MotionQuality::Lost);
     let mut rng = fastrand::Rng::with_seed(1);
     for frame in 5..30 {
-        let chaos: Vec<_> = (0..60).map(|id| TrackPoint { id, x: 640.0 * rng.f32(), y: 360.0 * rng.f32() }).collect();
+        let mut anywhere = || Point2::new(640.0 * rng.f64(), 360.0 * rng.f64());
+        let chaos: Vec<_> = (0..60).map(|id| observe(id, anywhere())).collect();
         let m = push(&mut estimator, frame, &chaos);
         assert!(m.homography.is_finite() && gap(&m.homography, &Homography::identity()) < 400.0);
     }

@@ -2,13 +2,14 @@
 
 use plumbline::camera::CameraPose;
 use plumbline::num::math::Point2;
-use plumbline::video::motion::sfm::synthetic::{Course, PathError, Shot, ShotOptions, path_error};
 use std::ops::Range;
 
 use plumbline::num::run::{Run, Stopped};
 use plumbline::video::motion::sfm::{
     Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, Windows, reconstruct, reconstruct_shot,
 };
+
+use crate::support::shots::{Course, PathError, Shot, ShotOptions, path_error};
 
 type Frames = Vec<Vec<(u32, Point2)>>;
 

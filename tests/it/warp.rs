@@ -414,7 +414,7 @@ fn bad_input_is_refused_with_its_reason() {
         new(0, W, options()).to_string(),
         "a grid of 0×9 cells over 640×360 px is invalid (1 to 1024 cells each way, size above 0)"
     );
-    assert!(matches!(new(16, f64::NAN, options()), WarpError::Grid { .. }));
+    assert!(new(16, f64::NAN, options()).to_string().starts_with("a grid of 16×"));
     let bad_alpha = ContentPreservingOptions { alpha: f64::NAN, ..options() };
     assert_eq!(new(16, W, bad_alpha).to_string(), "alpha NaN is invalid (expected above 0)");
     let bad_proximity = ContentPreservingOptions { proximity: 0.0, ..options() };

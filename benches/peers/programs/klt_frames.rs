@@ -9,7 +9,7 @@
 use std::path::{Path, PathBuf};
 
 use plumbline::image::{Plane, PlaneRef, Pyramid};
-use plumbline::video::track::{KltOptions, track};
+use plumbline::video::track::track;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -75,7 +75,7 @@ impl Clip {
             let start = cpu_ms();
             next.rebuild(self.frames[i + 1].as_ref(), LEVELS);
             let built = cpu_ms();
-            let matches = track(&prev, &next, points, points, &KltOptions::default());
+            let matches = track(&prev, &next, points, points);
             timing.track += (cpu_ms() - built) / pairs;
             timing.pyramids += (built - start) / pairs;
             if let Some(dir) = dir {

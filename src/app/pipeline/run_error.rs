@@ -2,7 +2,8 @@
 
 use super::problem::Problems;
 use plumbline_num::run::Stopped;
-use plumbline_video::stabilize::{StabilizeError, StabilizeFault};
+use plumbline_photo::PhotoError;
+use plumbline_video::stabilize::StabilizeError;
 
 /// Why an instance failed. The message says what, where, the value, the allowed range and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -64,22 +65,28 @@ impl From<Stopped> for RunError {
     }
 }
 
+impl From<PhotoError> for RunError {
+    fn from(error: PhotoError) -> Self {
+        match error {
+            PhotoError::Interrupted(stopped) => stopped.into(),
+            PhotoError::Option(_) | PhotoError::Output(_) => Self::Usage(error.to_string()),
+            _ => Self::Input(error.to_string()),
+        }
+    }
+}
+
 impl From<StabilizeError> for RunError {
     fn from(error: StabilizeError) -> Self {
-        let text = match &error {
-            StabilizeError::Interrupted { source } => return (*source).into(),
+        match error {
+            StabilizeError::Interrupted(stopped) => stopped.into(),
+            StabilizeError::Options(text) => Self::Usage(text),
             StabilizeError::PathFileWithoutCameras => {
                 let wanted = "`cameras = true` on video.motion, and its tracks here";
-                format!("a path file needs the cameras of the clip: {wanted}")
+                Self::Input(format!("a path file needs the cameras of the clip: {wanted}"))
             }
-            other => other.to_string(),
-        };
-        match error.fault() {
-            StabilizeFault::Options => Self::Usage(text),
-            StabilizeFault::Input => Self::Input(text),
-            StabilizeFault::Environment => Self::Temporary(text),
-            StabilizeFault::Interrupted => Self::Interrupted,
-            StabilizeFault::Internal => Self::Internal(text),
+            StabilizeError::Store(_) => Self::Temporary(error.to_string()),
+            StabilizeError::Warp { .. } => Self::Internal(error.to_string()),
+            _ => Self::Input(error.to_string()),
         }
     }
 }

@@ -23,7 +23,7 @@ use plumbline_camera::{FieldAxis, Projection};
 use plumbline_media::VideoInfo;
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_photo::PhotoWarp;
-use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, rectify};
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, rectify};
 use plumbline_video::stabilize::PointCarrier;
 
 /// Settings of `lens.undistort`.
@@ -105,12 +105,12 @@ fn undistort(context: &mut Context<'_, '_>, stage: usize, settings: &LensUndisto
     found.warnings.into_iter().for_each(|w| context.warn(w));
     let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], saliency: None };
     let mut options = options(settings, &video);
-    let mut warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
+    let mut warp = rectify(&input, &options, &context.job.run())?;
     let wanted = settings.size.map_or(warp.size, |size| size.pixels(warp.size));
     let even = even_size((wanted.0 as f64, wanted.1 as f64), &video);
     if even != warp.size {
         options.size = OutputSize::Exact(even.0, even.1);
-        warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
+        warp = rectify(&input, &options, &context.job.run())?;
     }
     context.values.put(stage, "warp", Undistorted::new(warp, (video.width, video.height)));
     Ok(())
@@ -146,16 +146,6 @@ pub(super) fn even_size((width, height): (f64, f64), video: &VideoInfo) -> (usiz
         if exact { (side.round() as usize).max(1) } else { 2 * ((side / 2.0).round() as usize).max(1) }
     };
     (even(width, shared.0, video.width), even(height, shared.1, video.height))
-}
-
-fn rectify_error(error: &RectifyError) -> RunError {
-    match error {
-        RectifyError::Interrupted(stopped) => (*stopped).into(),
-        RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
-            RunError::Usage(error.to_string())
-        }
-        other => RunError::Input(other.to_string()),
-    }
 }
 
 impl Undistorted {

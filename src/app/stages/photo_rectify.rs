@@ -19,7 +19,7 @@ use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
 use plumbline_photo::line_detection::off_faces;
-use plumbline_photo::rectify::{Crop, OutputSize, RectifyError, RectifyInput, RectifyOptions, Target, Window, rectify};
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, Window, rectify};
 
 /// Settings of `photo.rectify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -111,11 +111,11 @@ impl Stage for PhotoRectifySettings {
             saliency: importance.as_ref().map(|i| i.plane()),
         };
         let mut options = options(self, &found.lens);
-        let mut warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
+        let mut warp = rectify(&input, &options, &context.job.run())?;
         let wanted = self.size.map_or(warp.size, |size| size.pixels(warp.size));
         if wanted != warp.size {
             options.size = OutputSize::Exact(wanted.0, wanted.1);
-            warp = rectify(&input, &options, &context.job.run()).map_err(|e| rectify_error(&e))?;
+            warp = rectify(&input, &options, &context.job.run())?;
         }
         // The summary and the report.
         report_lines(context, &warp.lines);
@@ -181,14 +181,4 @@ fn window(settings: &PhotoRectifySettings, lens: &Lens) -> Option<Window> {
     let field = settings.view_field.or_else(|| (panoramic && !all).then_some(PANORAMA_VIEW))?;
     let half = |degrees: f64| 0.5 * degrees.to_radians();
     Some(Window { half_width: half(field.width), half_height: half(field.height) })
-}
-
-fn rectify_error(error: &RectifyError) -> RunError {
-    match error {
-        RectifyError::Interrupted(stopped) => (*stopped).into(),
-        RectifyError::EmptyView | RectifyError::Option { .. } | RectifyError::Size { .. } => {
-            RunError::Usage(error.to_string())
-        }
-        other => RunError::Input(other.to_string()),
-    }
 }

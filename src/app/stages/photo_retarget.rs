@@ -16,7 +16,7 @@ use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::TargetSize;
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
-use plumbline_photo::retarget::{RetargetError, RetargetOptions, retarget};
+use plumbline_photo::retarget::{RetargetOptions, retarget};
 
 /// Settings of `photo.retarget`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -61,8 +61,7 @@ impl Stage for PhotoRetargetSettings {
         let size = self.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
         let out = size.pixels(source);
         let options = RetargetOptions::default();
-        let made = retarget(source, out, &importance, &lines, &faces, &options, &context.job.run())
-            .map_err(|e| retarget_error(&e))?;
+        let made = retarget(source, out, &importance, &lines, &faces, &options, &context.job.run())?;
         for name in &made.released {
             context.warn(format!("line `{name}` could not stay straight with the others and was let go"));
         }
@@ -73,13 +72,5 @@ impl Stage for PhotoRetargetSettings {
         report.insert("released".into(), json!(made.released));
         report.insert("faces".into(), faces.len().into());
         Ok((Arc::new(PhotoMap { warp: made.warp, report }),))
-    }
-}
-
-fn retarget_error(error: &RetargetError) -> RunError {
-    match error {
-        RetargetError::Interrupted(stopped) => (*stopped).into(),
-        RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(error.to_string()),
-        other => RunError::Input(other.to_string()),
     }
 }

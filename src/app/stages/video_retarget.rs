@@ -18,7 +18,6 @@ use crate::stages::LensUndistortSettings;
 use plumbline_media::VideoInfo;
 use plumbline_num::math::{Homography, PointMap, Similarity2};
 use plumbline_photo::AspectRatio;
-use plumbline_photo::retarget::RetargetError;
 use plumbline_photo::temporal::{ClipData, ClipGrids, ClipRetargetOptions, retarget_clip};
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
@@ -80,12 +79,7 @@ fn retarget(context: &mut Context<'_, '_>, stage: usize, settings: &VideoRetarge
     let options = ClipRetargetOptions { crop_below: settings.crop_below, ..ClipRetargetOptions::default() };
     let wanted = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
     let out = coded_size(wanted, size, &estimated.video);
-    let grids: Result<ClipGrids, RetargetError> =
-        retarget_clip(&clip, &estimated.importance, out, &options, &context.job.run());
-    let grids = grids.map_err(|e| match e {
-        RetargetError::TargetSize { .. } | RetargetError::Option { .. } => RunError::Usage(e.to_string()),
-        other => RunError::Input(other.to_string()),
-    })?;
+    let grids: ClipGrids = retarget_clip(&clip, &estimated.importance, out, &options, &context.job.run())?;
     context.summary.window = grids
         .window()
         .map(|w| WindowSummary { kept: [w.fraction.0, w.fraction.1], range_px: [w.range_px.0, w.range_px.1] });

@@ -19,26 +19,16 @@ use crate::{PADDING, PaddedPlane, Plane};
 
 use super::Mask;
 
-/// Settings of the detector.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CornerOptions {
-    /// Buckets along the longer side of the picture, 1 to 64; the shorter side has as many as keep them nearly square.
-    pub buckets: usize,
-    /// Least `λ_min` relative to the best of the bucket, 0 to 1. Small values take weak corners next to a strong one.
-    pub quality: f32,
-    /// Least `λ_min`, (gray/px)²: below it lies the noise of the sensor (a noise of 2 gray levels gives about 0.5).
-    pub floor: f32,
-    /// Least distance between two points, px.
-    pub min_distance: f32,
-    /// Least distance from the edge of the picture, px.
-    pub margin: usize,
-}
-
-impl Default for CornerOptions {
-    fn default() -> Self {
-        Self { buckets: 16, quality: 0.05, floor: 1.0, min_distance: 8.0, margin: 6 }
-    }
-}
+/// Buckets along the longer side of the picture; the shorter side has as many as keep them nearly square.
+const BUCKETS: usize = 16;
+/// Least `λ_min` relative to the best of the bucket. Small values take weak corners next to a strong one.
+const QUALITY: f32 = 0.05;
+/// Least `λ_min`, (gray/px)²: below it lies the noise of the sensor (a noise of 2 gray levels gives about 0.5).
+const FLOOR: f32 = 1.0;
+/// Least distance between two points, px.
+const MIN_DISTANCE: f32 = 8.0;
+/// Least distance from the edge of the picture, px.
+const MARGIN: usize = 6;
 
 /// A corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,9 +40,8 @@ pub struct Corner {
 }
 
 /// Finds corners; holds its scratch memory.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct CornerDetector {
-    options: CornerOptions,
     /// Nonzero where no further corner may lie: masked, or near a point.
     taken: Plane<u8>,
     /// Structure tensor rows of a bucket.
@@ -85,12 +74,6 @@ struct Bucket {
 }
 
 impl CornerDetector {
-    /// A detector with these settings.
-    pub fn new(options: CornerOptions) -> Self {
-        let (tensor, response, candidates) = (TensorRows::default(), Vec::new(), Vec::new());
-        Self { options, taken: Plane::new(0, 0), tensor, response, candidates }
-    }
-
     /// Appends corners of `image` to `found` until every bucket holds `per_bucket` points, `points` included, as far as
     /// the picture has them; none in the mask, none within the least distance of a point.
     pub fn top_up(
@@ -102,7 +85,7 @@ impl CornerDetector {
         found: &mut Vec<Corner>,
     ) {
         let (w, h) = (image.width(), image.height());
-        let (cols, rows) = self.grid(w, h);
+        let (cols, rows) = Self::grid(w, h);
         self.occupy(w, h, points, mask);
         let mut counts = vec![0_usize; cols * rows];
         for p in points {
@@ -111,12 +94,11 @@ impl CornerDetector {
         }
         for (i, count) in counts.into_iter().enumerate().filter(|(_, count)| *count < per_bucket) {
             let (col, row) = (i % cols, i / cols);
-            let m = self.options.margin.max(1);
             let bucket = Bucket {
-                x0: (col * w).div_ceil(cols).max(m),
-                y0: (row * h).div_ceil(rows).max(m),
-                x1: ((col + 1) * w).div_ceil(cols).min(w.saturating_sub(m)),
-                y1: ((row + 1) * h).div_ceil(rows).min(h.saturating_sub(m)),
+                x0: (col * w).div_ceil(cols).max(MARGIN),
+                y0: (row * h).div_ceil(rows).max(MARGIN),
+                x1: ((col + 1) * w).div_ceil(cols).min(w.saturating_sub(MARGIN)),
+                y1: ((row + 1) * h).div_ceil(rows).min(h.saturating_sub(MARGIN)),
             };
             if bucket.x0 < bucket.x1 && bucket.y0 < bucket.y1 {
                 self.search(image, bucket, per_bucket - count, found);
@@ -125,10 +107,9 @@ impl CornerDetector {
     }
 
     /// Columns and rows of buckets for a picture.
-    pub fn grid(&self, width: usize, height: usize) -> (usize, usize) {
-        let n = self.options.buckets.clamp(1, 64);
+    pub fn grid(width: usize, height: usize) -> (usize, usize) {
         let longer = width.max(height).max(1);
-        let along = |side: usize| ((n * side + longer / 2) / longer).clamp(1, side.max(1));
+        let along = |side: usize| ((BUCKETS * side + longer / 2) / longer).clamp(1, side.max(1));
         (along(width), along(height))
     }
 
@@ -148,7 +129,7 @@ impl CornerDetector {
 
     /// Marks the disc around a point.
     fn take(&mut self, p: [f32; 2]) {
-        let r = self.options.min_distance;
+        let r = MIN_DISTANCE;
         let (w, h) = (self.taken.width(), self.taken.height());
         let span = |c: f32, d: f32, n: usize| {
             ((c - d - 0.5).ceil().max(0.0) as usize, ((c + d + 0.5).floor().max(0.0) as usize).min(n))
@@ -174,12 +155,12 @@ impl CornerDetector {
             for i in 1..width - 1 {
                 let score = self.response[j * width + i];
                 best = best.max(score);
-                if score > self.options.floor && self.is_peak(j * width + i, width) {
+                if score > FLOOR && self.is_peak(j * width + i, width) {
                     self.candidates.push((score, bucket.x0 + i - 1, bucket.y0 + j - 1));
                 }
             }
         }
-        let least = (self.options.quality * best).max(self.options.floor);
+        let least = (QUALITY * best).max(FLOOR);
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
         let mut missing = wanted;
@@ -316,7 +297,7 @@ mod tests {
 
     fn corners(image: &PaddedPlane, per_bucket: usize, mask: Option<&Mask>) -> Vec<Corner> {
         let mut found = Vec::new();
-        CornerDetector::new(CornerOptions::default()).top_up(image, &[], per_bucket, mask, &mut found);
+        CornerDetector::default().top_up(image, &[], per_bucket, mask, &mut found);
         found
     }
 
@@ -337,7 +318,7 @@ mod tests {
     #[test]
     fn the_response_is_the_smaller_eigenvalue_of_the_structure_tensor() {
         let image = noise(300, 40);
-        let mut detector = CornerDetector::new(CornerOptions::default());
+        let mut detector = CornerDetector::default();
         let bucket = Bucket { x0: 1, y0: 1, x1: 299, y1: 39 };
         let width = detector.respond(&image, bucket);
         for (i, got) in detector.response.iter().enumerate() {
@@ -375,7 +356,7 @@ mod tests {
         let image = noise(320, 180);
         let points: Vec<[f32; 2]> = (0..20).map(|i| [15.5 * i as f32 + 3.0, 90.0]).collect();
         let mut found = Vec::new();
-        CornerDetector::new(CornerOptions::default()).top_up(&image, &points, 5, None, &mut found);
+        CornerDetector::default().top_up(&image, &points, 5, None, &mut found);
         let all: Vec<[f32; 2]> = points.iter().copied().chain(found.iter().map(|c| c.position)).collect();
         assert!(found.len() > 100);
         for (i, p) in all.iter().enumerate().skip(points.len()) {
@@ -389,14 +370,14 @@ mod tests {
     #[test]
     fn only_buckets_that_lack_points_are_topped_up() {
         let image = noise(320, 180);
-        let (cols, rows) = CornerDetector::new(CornerOptions::default()).grid(320, 180);
+        let (cols, rows) = CornerDetector::grid(320, 180);
         assert_eq!((cols, rows), (16, 9));
         let full: Vec<[f32; 2]> = (0..cols * rows)
             .filter(|i| i % cols != 4)
             .map(|i| [(i % cols) as f32 * 20.0 + 10.0, (i / cols) as f32 * 20.0 + 10.0])
             .collect();
         let mut found = Vec::new();
-        CornerDetector::new(CornerOptions::default()).top_up(&image, &full, 1, None, &mut found);
+        CornerDetector::default().top_up(&image, &full, 1, None, &mut found);
         assert!(!found.is_empty() && found.iter().all(|c| (79.0..101.0).contains(&c.position[0])), "{found:?}");
     }
 

@@ -14,7 +14,7 @@
 //! (SIGGRAPH Asia) 27 (2008), section 3.2.
 
 use super::gradient::{box_mean, gradient};
-use super::{Face, LabPicture, saliency};
+use super::{Face, FeatureError, LabPicture, saliency};
 use crate::{Frame, Plane, analysis_luma};
 use plumbline_num::math::{Point2, Rect};
 use plumbline_num::options::OptionError;
@@ -32,51 +32,6 @@ const UNSALIENT: f32 = 0.4;
 const BLUR_RADIUS: f64 = 0.01;
 /// Minimum importance of the body expected below a face.
 const BODY: f32 = 0.7;
-
-/// Errors of importance. All but `Unreadable` are faults of the input.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ImportanceError {
-    /// The frame's memory does not hold its planes, or a side is zero.
-    #[error("a picture of {width}×{height} px holds no pixels to judge")]
-    Unreadable {
-        /// Width, px.
-        width: usize,
-        /// Height, px.
-        height: usize,
-    },
-    /// A mask for another picture.
-    #[error(
-        "the importance mask has {mask_width}×{mask_height} px and the picture {width}×{height} px; scale the mask to the \
-         picture"
-    )]
-    MaskSize {
-        /// Width of the mask, px.
-        mask_width: usize,
-        /// Height of the mask, px.
-        mask_height: usize,
-        /// Width of the picture, px.
-        width: usize,
-        /// Height of the picture, px.
-        height: usize,
-    },
-    /// A value that is no importance.
-    #[error("the importance at ({x}, {y}) is {value} (expected 0 to 1)")]
-    Value {
-        /// Column.
-        x: usize,
-        /// Row.
-        y: usize,
-        /// The value found.
-        value: f32,
-    },
-    /// A setting out of its range.
-    #[error(transparent)]
-    Option(#[from] OptionError),
-    /// The run was interrupted, or its time is used up.
-    #[error(transparent)]
-    Interrupted(#[from] Stopped),
-}
 
 /// How importance is judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,20 +59,19 @@ impl Importance {
     /// Judges a frame. `faces` are in px of the frame; `mask` is a picture of the same size, black to white.
     ///
     /// # Errors
-    /// [`ImportanceError::Unreadable`], [`ImportanceError::MaskSize`], [`ImportanceError::Option`],
-    /// [`ImportanceError::Interrupted`].
+    /// [`FeatureError::Input`] for a picture without pixels and a mask of another size; [`FeatureError::Option`],
+    /// [`FeatureError::Interrupted`].
     pub fn of_frame(
         frame: &Frame,
         faces: &[Face],
         mask: Option<&Frame>,
         options: &ImportanceOptions,
         run: &Run,
-    ) -> Result<Self, ImportanceError> {
+    ) -> Result<Self, FeatureError> {
         let floor = f64::from(options.floor);
         OptionError::check(floor > 0.0 && floor <= 1.0, "floor", floor, "above 0, at most 1")?;
         let (width, height) = (frame.width, frame.height);
-        let picture = LabPicture::of_frame(frame, options.max_side.max(1))
-            .ok_or(ImportanceError::Unreadable { width, height })?;
+        let picture = LabPicture::of_frame(frame, options.max_side.max(1)).ok_or_else(|| unreadable(width, height))?;
         run.check()?;
         let mut found = found_in(&picture, run)?;
         raise_faces(&mut found, faces, (width as f64, height as f64));
@@ -132,16 +86,18 @@ impl Importance {
     /// Importance given value by value, each in [0, 1], over the whole picture.
     ///
     /// # Errors
-    /// [`ImportanceError::Unreadable`] for an empty plane, [`ImportanceError::Value`].
-    pub fn from_plane(plane: Plane<f32>) -> Result<Self, ImportanceError> {
+    /// [`FeatureError::Input`] for an empty plane and a value out of range.
+    pub fn from_plane(plane: Plane<f32>) -> Result<Self, FeatureError> {
         let (width, height) = (plane.width(), plane.height());
         if width == 0 || height == 0 {
-            return Err(ImportanceError::Unreadable { width, height });
+            return Err(unreadable(width, height));
         }
         for y in 0..height {
             let wrong = plane.as_ref().row(y).iter().position(|v| !(0.0..=1.0).contains(v));
             if let Some(x) = wrong {
-                return Err(ImportanceError::Value { x, y, value: plane.as_ref().row(y)[x] });
+                let value = plane.as_ref().row(y)[x];
+                let text = format!("the importance at ({x}, {y}) is {value} (expected 0 to 1)");
+                return Err(FeatureError::Input(text));
             }
         }
         Ok(Self { plane })
@@ -227,19 +183,24 @@ impl Ellipse {
     }
 }
 
+/// The frame's memory does not hold its planes, or a side is zero.
+fn unreadable(width: usize, height: usize) -> FeatureError {
+    FeatureError::Input(format!("a picture of {width}×{height} px holds no pixels to judge"))
+}
+
 fn apply_mask(
     plane: &mut Plane<f32>,
     mask: &Frame,
     (width, height): (usize, usize),
     options: &ImportanceOptions,
-) -> Result<(), ImportanceError> {
+) -> Result<(), FeatureError> {
     if (mask.width, mask.height) != (width, height) {
-        let (mask_width, mask_height) = (mask.width, mask.height);
-        return Err(ImportanceError::MaskSize { mask_width, mask_height, width, height });
+        let sizes = format!("{}×{} px and the picture {width}×{height} px", mask.width, mask.height);
+        return Err(FeatureError::Input(format!("the importance mask has {sizes}; scale the mask to the picture")));
     }
     let mut small = Plane::new(0, 0);
     if !analysis_luma(mask, options.max_side.max(1), &mut small) {
-        return Err(ImportanceError::Unreadable { width, height });
+        return Err(unreadable(width, height));
     }
     *plane = map(plane, |x, y, v| masked(v, f32::from(small.as_ref().row(y)[x]) / 255.0));
     Ok(())

@@ -7,45 +7,19 @@
 //! M'(x) = max { M(x + d) : |d|_∞ ≤ r }.
 //! ```
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use kornia_image::{Image, ImageError, ImageSize};
 use kornia_imgproc::morphology::{Kernel, KernelShape, dilate};
 use kornia_imgproc::padding::PaddingMode;
 
+use super::FeatureError;
 use crate::{Plane, PlaneRef};
 
 /// A mask of the analysis picture: nonzero where no point may lie.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     plane: Plane<u8>,
-}
-
-/// Why a mask cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum MaskError {
-    /// The input is at fault: the file is missing or not an image.
-    #[error("cannot read the mask {}: {source}; give a PNG or JPEG that is white where tracking must not look", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What the decoder said.
-        source: image::ImageError,
-    },
-    /// The input is at fault: the mask leaves nothing to look at.
-    #[error(
-        "the mask covers {covered_percent:.1} % of the picture (expected at most {limit_percent} %); white means masked: invert it?"
-    )]
-    CoversAll {
-        /// Masked fraction after dilation, %.
-        covered_percent: f64,
-        /// Largest accepted fraction, %.
-        limit_percent: f64,
-    },
-    /// The picture is at fault: it is too large or empty.
-    #[error("cannot grow the mask: {0}")]
-    Size(#[from] ImageError),
 }
 
 /// Largest fraction of the picture that a mask may cover, %: beyond it the few remaining points do not determine the
@@ -56,22 +30,26 @@ impl Mask {
     /// A mask from a plane of any size that covers the picture: samples of 128 and above are masked.
     ///
     /// # Errors
-    /// [`MaskError::CoversAll`] where hardly anything is left; [`MaskError::Size`] for an empty picture.
+    /// [`FeatureError::Input`] where hardly anything is left, and for an empty picture.
     pub fn from_plane(
         drawn: PlaneRef<'_, u8>,
         width: usize,
         height: usize,
         radius_px: usize,
-    ) -> Result<Self, MaskError> {
+    ) -> Result<Self, FeatureError> {
         let covers = |x: usize, y: usize| {
             let (x, y) = (x * drawn.width() / width.max(1), y * drawn.height() / height.max(1));
             u8::from(drawn.row(y)[x] >= 128)
         };
-        let plane = grown(&Plane::from_fn(width, height, covers), radius_px)?;
+        let plane = grown(&Plane::from_fn(width, height, covers), radius_px)
+            .map_err(|e| FeatureError::Input(format!("cannot grow the mask: {e}")))?;
         let masked: usize = (0..height).map(|y| plane.as_ref().row(y).iter().filter(|v| **v > 0).count()).sum();
         let covered_percent = 100.0 * masked as f64 / (width * height).max(1) as f64;
         if covered_percent > MAX_COVERED_PERCENT {
-            return Err(MaskError::CoversAll { covered_percent, limit_percent: MAX_COVERED_PERCENT });
+            return Err(FeatureError::Input(format!(
+                "the mask covers {covered_percent:.1} % of the picture (expected at most {MAX_COVERED_PERCENT} %); white means \
+                 masked: invert it?"
+            )));
         }
         Ok(Self { plane })
     }
@@ -79,9 +57,10 @@ impl Mask {
     /// A mask from an image file, white where tracking must not look.
     ///
     /// # Errors
-    /// [`MaskError::Unreadable`] where the file is missing or no image; otherwise as [`Self::from_plane`].
-    pub fn open(path: &Path, width: usize, height: usize, radius_px: usize) -> Result<Self, MaskError> {
-        let unreadable = |source| MaskError::Unreadable { path: path.to_owned(), source };
+    /// [`FeatureError::Input`] where the file is missing or no image; otherwise as [`Self::from_plane`].
+    pub fn open(path: &Path, width: usize, height: usize, radius_px: usize) -> Result<Self, FeatureError> {
+        let remedy = "give a PNG or JPEG that is white where tracking must not look";
+        let unreadable = |e| FeatureError::Input(format!("cannot read the mask {}: {e}; {remedy}", path.display()));
         let drawn = image::open(path).map_err(unreadable)?.into_luma8();
         let (w, h) = (drawn.width() as usize, drawn.height() as usize);
         let samples = drawn.into_raw();

@@ -1,6 +1,7 @@
 //! Features of one picture: corners, line segments, masks, faces, saliency and importance.
 
 mod corners;
+mod error;
 mod faces;
 mod gradient;
 mod importance;
@@ -9,11 +10,12 @@ mod mask;
 mod saliency;
 mod segments;
 
-pub use corners::{Corner, CornerDetector, CornerOptions};
+pub use corners::{Corner, CornerDetector};
+pub use error::FeatureError;
 pub use faces::{Face, FaceDetector, FaceOptions};
 pub use gradient::gradient;
-pub use importance::{Importance, ImportanceError, ImportanceOptions};
+pub use importance::{Importance, ImportanceOptions};
 pub use lab_picture::LabPicture;
-pub use mask::{Mask, MaskError};
+pub use mask::Mask;
 pub use saliency::saliency;
-pub use segments::{Segment, SegmentOptions, segments};
+pub use segments::{Segment, segments};

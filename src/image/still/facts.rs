@@ -26,10 +26,6 @@ pub struct ExifTags {
     pub size_px: Option<(u32, u32)>,
     /// Digital zoom; 1 = none.
     pub digital_zoom: Option<f64>,
-    /// f-number.
-    pub aperture: Option<f64>,
-    /// Focus distance, m.
-    pub subject_distance_m: Option<f64>,
 }
 
 impl ExifTags {
@@ -54,8 +50,6 @@ impl ExifTags {
             sensor_px_per_mm: resolution(exif),
             size_px: size.filter(|(w, h)| *w > 0 && *h > 0),
             digital_zoom: positive(Tag::DigitalZoomRatio, 1000.0),
-            aperture: positive(Tag::FNumber, 1000.0),
-            subject_distance_m: positive(Tag::SubjectDistance, 1e6),
         }
     }
 }

@@ -124,13 +124,10 @@ pub struct ContentPreserving {
 }
 
 impl ContentPreserving {
-    /// Cells of the paper's grid, along x and y.
-    pub const DEFAULT_CELLS: (usize, usize) = (64, 36);
-
     /// A solver for frames of `width × height` px under a grid of `cols × rows` cells.
     ///
     /// # Errors
-    /// [`WarpError::Grid`], [`WarpError::Option`] for values out of range.
+    /// [`WarpError::Input`] for another grid, [`WarpError::Option`] for values out of range.
     pub fn new(
         cols: usize,
         rows: usize,
@@ -140,7 +137,8 @@ impl ContentPreserving {
     ) -> Result<Self, WarpError> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         if !((1..=1024).contains(&cols) && (1..=1024).contains(&rows) && positive(width) && positive(height)) {
-            return Err(WarpError::Grid { cols, rows, width, height });
+            let grid = format!("a grid of {cols}×{rows} cells over {width}×{height} px");
+            return Err(WarpError::Input(format!("{grid} is invalid (1 to 1024 cells each way, size above 0)")));
         }
         check_alpha(options.alpha)?;
         let proximity = options.proximity;
@@ -176,7 +174,7 @@ impl ContentPreserving {
     /// or empty for 0.5 everywhere.
     ///
     /// # Errors
-    /// [`WarpError::Point`], [`WarpError::Saliency`], [`WarpError::PreWarp`] for input that cannot be used.
+    /// [`WarpError::Input`] for input that cannot be used.
     pub fn solve(
         &mut self,
         pre_warp: &Homography,
@@ -250,7 +248,9 @@ impl ContentPreserving {
         let one_to_one = |cell: usize| self.prewarped.quad(cell).min_jacobian() > 0.0;
         match (0..self.grid.cell_count()).find(|&cell| !one_to_one(cell)) {
             None => Ok(()),
-            Some(cell) => Err(WarpError::PreWarp { cell }),
+            Some(cell) => Err(WarpError::Input(format!(
+                "the pre-warp does not map the image one to one: cell {cell} folds or reaches infinity"
+            ))),
         }
     }
 
@@ -262,7 +262,9 @@ impl ContentPreserving {
             let PointPair { src, dst, weight } = *point;
             let finite = [src.x, src.y, dst.x, dst.y, weight].iter().all(|v| v.is_finite());
             if !(finite && weight >= 0.0) {
-                return Err(WarpError::Point { index, src: src.into(), dst: dst.into(), weight });
+                let [src, dst] = [src, dst].map(|p| format!("({}, {})", p.x, p.y));
+                let point = format!("point {index} is not usable: source {src}, target {dst}, weight {weight}");
+                return Err(WarpError::Input(format!("{point} (finite, weight 0 or more)")));
             }
             match (self.grid.locate(src), pre_warp.apply(src)) {
                 (Some(at), Some(h_src)) if weight > 0.0 => {
@@ -288,13 +290,13 @@ impl ContentPreserving {
     fn check_saliency(&self, saliency: &[f64]) -> Result<(), WarpError> {
         let cells = self.grid.cell_count();
         let bad = |value: f64| !(value > 0.0 && value.is_finite());
-        if let Some(cell) = saliency.iter().position(|&value| bad(value)) {
-            return Err(WarpError::Saliency { cell, value: saliency[cell], cells });
-        }
-        if !saliency.is_empty() && saliency.len() != cells {
-            return Err(WarpError::Saliency { cell: saliency.len().min(cells), value: f64::NAN, cells });
-        }
-        Ok(())
+        let (cell, value) = match saliency.iter().position(|&value| bad(value)) {
+            Some(cell) => (cell, saliency[cell]),
+            None if saliency.is_empty() || saliency.len() == cells => return Ok(()),
+            None => (saliency.len().min(cells), f64::NAN),
+        };
+        let expected = format!("expected {cells} finite numbers above 0, or none");
+        Err(WarpError::Input(format!("saliency of cell {cell} is {value} ({expected})")))
     }
 
     fn assemble(&mut self, alpha: f64, saliency: &[f64]) {

@@ -11,42 +11,9 @@
 
 use nalgebra::{Matrix2, Matrix2x3};
 
-use super::InverseMesh;
+use super::{InverseMesh, WarpError};
 use crate::grid::GridMesh;
 use plumbline_num::math::{Homography, Point2, PointMap};
-
-/// Why a field cannot be made. All variants are the caller's fault.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum FieldError {
-    /// A forward map without an inverse.
-    #[error("the homography has no inverse or is not finite; a forward map must be regular to be rendered")]
-    Singular,
-    /// The number of vertices does not fit the number of cells.
-    #[error("a grid of {cols}×{rows} cells has {vertices} vertices (expected (cols + 1)·(rows + 1), at least 4)")]
-    MeshShape {
-        /// Cells along x.
-        cols: usize,
-        /// Cells along y.
-        rows: usize,
-        /// Vertices given.
-        vertices: usize,
-    },
-    /// A vertex is NaN or infinite.
-    #[error("vertex {index} of the grid is not finite; every vertex needs a position")]
-    MeshNotFinite {
-        /// Row-major index of the vertex.
-        index: usize,
-    },
-    /// The source rectangle is empty or not finite.
-    #[error("source size {width}×{height} px is invalid (expected both > 0)")]
-    SourceSize {
-        /// Width given, px.
-        width: f64,
-        /// Height given, px.
-        height: f64,
-    },
-}
 
 /// One backward map of a chain.
 pub enum Map {
@@ -107,9 +74,13 @@ impl WarpField {
     /// The field of a planar forward map.
     ///
     /// # Errors
-    /// [`FieldError::Singular`] where the map has no finite inverse.
-    pub fn from_forward_homography(out_from_src: &Homography) -> Result<Self, FieldError> {
-        let inverse = out_from_src.inverse().filter(Homography::is_finite).ok_or(FieldError::Singular)?;
+    /// [`WarpError::Input`] where the map has no finite inverse.
+    pub fn from_forward_homography(out_from_src: &Homography) -> Result<Self, WarpError> {
+        let singular = || {
+            let text = "the homography has no inverse or is not finite; a forward map must be regular to be rendered";
+            WarpError::Input(text.to_owned())
+        };
+        let inverse = out_from_src.inverse().filter(Homography::is_finite).ok_or_else(singular)?;
         Ok(Self { chain: vec![Map::Homography(inverse)] })
     }
 
@@ -117,7 +88,7 @@ impl WarpField {
     ///
     /// # Errors
     /// See [`InverseMesh::new`].
-    pub fn from_forward_mesh(mesh: &GridMesh, width: f64, height: f64) -> Result<Self, FieldError> {
+    pub fn from_forward_mesh(mesh: &GridMesh, width: f64, height: f64) -> Result<Self, WarpError> {
         Ok(Self { chain: vec![Map::Mesh(InverseMesh::new(mesh, width, height)?)] })
     }
 
@@ -182,7 +153,8 @@ mod tests {
         let back = field.map(forward.apply(p).expect("affine")).expect("affine");
         assert!((back - p).norm() < 1e-10);
         let singular = Homography::new(Matrix3::zeros());
-        assert_eq!(WarpField::from_forward_homography(&singular).expect_err("no inverse"), FieldError::Singular);
+        let error = WarpField::from_forward_homography(&singular).expect_err("no inverse");
+        assert!(error.to_string().starts_with("the homography has no inverse"), "{error}");
     }
 
     #[test]

@@ -29,7 +29,7 @@
 
 use nalgebra::Matrix2;
 
-use super::FieldError;
+use super::WarpError;
 use crate::grid::GridMesh;
 use plumbline_num::math::{Point2, PointMap, Vec2};
 
@@ -166,17 +166,22 @@ impl InverseMesh {
     /// Prepares the inverse of `mesh`, whose regular grid covers a source of `width × height` px.
     ///
     /// # Errors
-    /// [`FieldError::MeshShape`], [`FieldError::MeshNotFinite`], [`FieldError::SourceSize`].
-    pub fn new(mesh: &GridMesh, width: f64, height: f64) -> Result<Self, FieldError> {
+    /// [`WarpError::Input`] for a mesh of another shape or with a vertex that is not finite, and for an empty source.
+    pub fn new(mesh: &GridMesh, width: f64, height: f64) -> Result<Self, WarpError> {
         let (cols, rows, vertices) = (mesh.cols, mesh.rows, mesh.vertices.len());
         if cols == 0 || rows == 0 || vertices != (cols + 1) * (rows + 1) {
-            return Err(FieldError::MeshShape { cols, rows, vertices });
+            let expected = "expected (cols + 1)·(rows + 1), at least 4";
+            return Err(WarpError::Input(format!(
+                "a grid of {cols}×{rows} cells has {vertices} vertices ({expected})"
+            )));
         }
         if let Some(index) = mesh.vertices.iter().position(|v| !(v.x.is_finite() && v.y.is_finite())) {
-            return Err(FieldError::MeshNotFinite { index });
+            let text = format!("vertex {index} of the grid is not finite; every vertex needs a position");
+            return Err(WarpError::Input(text));
         }
         if !(width > 0.0 && height > 0.0 && width.is_finite() && height.is_finite()) {
-            return Err(FieldError::SourceSize { width, height });
+            let text = format!("source size {width}×{height} px is invalid (expected both > 0)");
+            return Err(WarpError::Input(text));
         }
         let vertex = |i: usize, j: usize| mesh.vertices[j * (cols + 1) + i].coords;
         let cell = |k: usize| {

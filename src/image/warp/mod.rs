@@ -15,6 +15,6 @@ pub use cell_saliency::cell_saliency;
 pub use content_preserving::{ContentPreserving, ContentPreservingOptions, PointPair, WarpReport};
 pub use coverage::keep_covered;
 pub use error::WarpError;
-pub use field::{FieldError, Map, WarpField};
+pub use field::{Map, WarpField};
 pub use inverse_mesh::InverseMesh;
 pub use lattice::Lattice;

@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::model::{PARAMETERS, Parameters};
-use super::{CalibrationError, CalibrationOptions, LensModel, MIN_SAMPLES, log_focal};
-use crate::Line;
+use super::{CalibrationOptions, LensModel, MIN_SAMPLES, log_focal};
 use crate::great_circle::{Sight, best_circle};
+use crate::{Line, PhotoError};
 use plumbline_camera::{FieldAxis, FieldOfView, Lens};
 use plumbline_num::math::Point2;
 use plumbline_num::optim::levenberg_marquardt::{DampedProblem, DampingOptions, minimize};
@@ -42,23 +42,30 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    pub(super) fn new(lines: &[Line], size: (f64, f64)) -> Result<Self, CalibrationError> {
+    pub(super) fn new(lines: &[Line], size: (f64, f64)) -> Result<Self, PhotoError> {
         let valid = |s: f64| s > 0.0 && s.is_finite();
         if !(valid(size.0) && valid(size.1)) {
-            return Err(CalibrationError::Size(size.0, size.1));
+            let (width, height) = size;
+            let expected = "expected two finite numbers above 0";
+            return Err(PhotoError::Input(format!("picture size {width} × {height} px is invalid ({expected})")));
         }
         for line in lines {
             if !line.points.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
-                return Err(CalibrationError::NotFinite { line: line.name.clone() });
+                let name = &line.name;
+                return Err(PhotoError::Input(format!("line {name:?} has a point that is not finite: mark it again")));
             }
         }
         let lines: Vec<_> =
             lines.iter().map(|l| l.points.clone()).filter(|points| points.len() >= MIN_SAMPLES).collect();
-        let samples = lines.iter().map(Vec::len).sum();
+        let samples: usize = lines.iter().map(Vec::len).sum();
         // Two samples of each line go into its circle; focal length and center must still be overdetermined.
         let needed = 2 * lines.len().max(2) + 4;
         if lines.len() < 2 || samples < needed {
-            return Err(CalibrationError::TooFew { lines: lines.len(), samples, needed });
+            return Err(PhotoError::Input(format!(
+                "{} lines of three points or more with {samples} points in all do not determine a lens (expected 2 lines and \
+                 {needed} points): mark more points along long lines near the picture's edges",
+                lines.len()
+            )));
         }
         Ok(Self { lines, size })
     }

@@ -40,13 +40,11 @@
 //! J. Kannala, S. S. Brandt, *A Generic Camera Model …*, PAMI 28(8), 2006.
 //! G. Schwarz, *Estimating the Dimension of a Model*, Annals of Statistics 6, 1978.
 
-mod error;
 mod fit;
 mod model;
 #[cfg(test)]
 mod tests;
 
-pub use error::CalibrationError;
 pub use model::LensModel;
 
 use rayon::prelude::*;
@@ -55,9 +53,11 @@ use plumbline_camera::{FieldAxis, FieldOfView, Lens, Projection};
 use plumbline_num::math::{Point2, Vec2};
 use plumbline_num::run::Run;
 
-use super::Line;
+use super::{Line, PhotoError};
 use fit::{Fit, Samples};
 
+/// What to do where lines give no lens.
+const REMEDY: &str = "check that they are straight in the world, or give the lens";
 /// Minimum number of samples of a line with a measurable curvature.
 const MIN_SAMPLES: usize = 3;
 
@@ -146,14 +146,14 @@ pub struct Candidate {
 /// Lines of two points are passed over; orientations are not looked at.
 ///
 /// # Errors
-/// [`CalibrationError`]: a size that is none, marks that are no numbers, too few lines or samples, or lines that no lens
+/// [`PhotoError`]: a size that is none, marks that are no numbers, too few lines or samples, or lines that no lens
 /// makes straight, an interruption.
 pub fn calibrate(
     lines: &[Line],
     size: (f64, f64),
     options: &CalibrationOptions,
     run: &Run,
-) -> Result<Calibration, CalibrationError> {
+) -> Result<Calibration, PhotoError> {
     let samples = Samples::new(lines, size)?;
     let fits: Vec<Option<Fit>> = options.models.par_iter().map(|m| Fit::new(&samples, *m, options, run)).collect();
     run.check()?;
@@ -166,10 +166,12 @@ pub fn calibrate(
             best = Some((score, fit));
         }
     }
-    let (_, fit) = best.ok_or(CalibrationError::NoLens)?;
+    let (_, fit) =
+        best.ok_or_else(|| PhotoError::Input(format!("no lens model makes the marked lines straight: {REMEDY}")))?;
     let used = fit.used();
     if 2 * used < samples.lines() {
-        return Err(CalibrationError::LinesDisagree { used, lines: samples.lines() });
+        let lines = samples.lines();
+        return Err(PhotoError::Input(format!("only {used} of {lines} marked lines agree on a lens: {REMEDY}")));
     }
     Ok(report(lines, &samples, &fit, candidates))
 }

@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use super::{Line, Orientation};
 use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::PlaneRef;
-use plumbline_image::feature::{SegmentOptions, segments};
+use plumbline_image::feature::segments;
 use plumbline_num::math::{Point2, Rect, Vec2};
 use plumbline_num::run::{Run, Stopped};
 
@@ -148,11 +148,12 @@ fn sampled(line: &Line) -> impl Iterator<Item = Point2> + '_ {
     })
 }
 
+/// Least length of an edge, px of the view: three times the distance of the samples along it.
+const MIN_LENGTH: f64 = 12.0;
+
 /// The edges of a view as pieces of great circles.
 fn arcs_of(view: &View) -> Vec<Arc> {
-    let options = SegmentOptions { min_length: 12.0, ..SegmentOptions::default() };
-    let found = segments(view.luma(), &options);
-    found.iter().filter_map(|s| Arc::of_segment(view, s)).collect()
+    segments(view.luma(), MIN_LENGTH).iter().filter_map(|s| Arc::of_segment(view, s)).collect()
 }
 
 /// A photo without a lens is taken as a perspective one, as wide as a usual camera's.

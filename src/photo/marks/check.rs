@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
+use super::MarkedLine;
 use super::orientation::Written;
-use super::{MarkedLine, MarksError};
-use crate::Orientation;
+use crate::{Orientation, PhotoError};
 use plumbline_num::math::{Point2, Rect};
 
 /// Maximum number of lines or faces of a file: far above what a person marks, far below what exhausts memory.
@@ -24,25 +24,31 @@ pub(super) fn described(kind: &str, index: usize, name: &str) -> String {
     format!("{kind} {} ({name:?})", index + 1)
 }
 
+/// A mark with a value that it cannot have.
+pub(super) fn refused(mark: &str, field: &str, value: &str, expected: &str) -> PhotoError {
+    PhotoError::Input(format!("{mark}: {field} is {value} (expected {expected})"))
+}
+
 /// Refuses too many marks.
-pub(super) fn count(what: &'static str, found: usize, limit: usize) -> Result<(), MarksError> {
-    let too_many = || MarksError::TooMany { what, found: found as u64, limit: limit as u64 };
-    if found <= limit { Ok(()) } else { Err(too_many()) }
+pub(super) fn count(what: &'static str, found: usize, limit: usize) -> Result<(), PhotoError> {
+    let too_many = || format!("{found} {what} are too many (at most {limit}): is this the right file?");
+    if found <= limit { Ok(()) } else { Err(PhotoError::Input(too_many())) }
 }
 
 /// Refuses two marks of one name.
-pub(super) fn names<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Result<(), MarksError> {
+pub(super) fn names<'a>(kind: &str, names: impl Iterator<Item = &'a str>) -> Result<(), PhotoError> {
     let mut seen = HashMap::new();
     for (i, name) in names.enumerate() {
         if let Some(first) = seen.insert(name, i) {
-            return Err(MarksError::SameName { first: described(kind, first, name), second: described(kind, i, name) });
+            let [first, second] = [first, i].map(|i| described(kind, i, name));
+            return Err(PhotoError::Input(format!("{first} and {second} have the same name: give each its own")));
         }
     }
     Ok(())
 }
 
 /// Checks all lines on a picture of `size`, and drops duplicates, with a note for each.
-pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<MarkedLine>, Vec<String>), MarksError> {
+pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<MarkedLine>, Vec<String>), PhotoError> {
     count("lines", marked.len(), MAX_MARKS)?;
     count("points", marked.iter().map(|m| m.line.points.len()).sum(), MAX_POINTS)?;
     names("line", marked.iter().map(|m| m.line.name.as_str()))?;
@@ -59,7 +65,10 @@ pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<Ma
             let (one, other) = (twin.line.orientation, m.line.orientation);
             if one != other {
                 let [one, other] = [one, other].map(|o| Written(o).to_string());
-                return Err(MarksError::Contradiction { first: there, second: here, one, other });
+                let remedy = "remove one, or switch it off";
+                return Err(PhotoError::Input(format!(
+                    "{there} and {here} are the same line and shall be {one} and {other}: {remedy}"
+                )));
             }
             notes.push(format!("{here} is left out: it is the same as {there}"));
             continue;
@@ -73,23 +82,21 @@ pub(super) fn lines(marked: Vec<MarkedLine>, size: (u32, u32)) -> Result<(Vec<Ma
 }
 
 /// Checks one line.
-fn line(mark: &str, points: &[Point2], (w, h): (u32, u32)) -> Result<(), MarksError> {
-    let refused = |field: String, value: String, expected: String| {
-        Err(MarksError::Value { mark: mark.to_owned(), field, value, expected })
-    };
+fn line(mark: &str, points: &[Point2], (w, h): (u32, u32)) -> Result<(), PhotoError> {
     if points.len() < 2 {
-        return refused("points".into(), format!("a list of {}", points.len()), "two or more".into());
+        return Err(refused(mark, "points", &format!("a list of {}", points.len()), "two or more"));
     }
     let mut allowed = Rect::of_size(f64::from(w), f64::from(h));
     (allowed.min, allowed.max) = (allowed.min.map(|v| v - SLACK), allowed.max.map(|v| v + SLACK));
     for (i, p) in points.iter().enumerate() {
         if !allowed.contains(*p) {
             let expected = format!("a point inside the picture of {w}×{h} px");
-            return refused(format!("points[{i}]"), format!("({}, {})", p.x, p.y), expected);
+            return Err(refused(mark, &format!("points[{i}]"), &format!("({}, {})", p.x, p.y), &expected));
         }
     }
     if points.iter().all(|p| (p - points[0]).norm() < MIN_EXTENT) {
-        return Err(MarksError::ZeroLength { mark: mark.to_owned() });
+        let remedy = "mark two points that are apart, or remove the line";
+        return Err(PhotoError::Input(format!("{mark}: all points lie within a pixel; {remedy}")));
     }
     Ok(())
 }

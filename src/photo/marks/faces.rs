@@ -4,9 +4,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::header::{MAX_BYTES, Parsed, Source, check_size, one_per_line, parse};
-use super::lines::Id;
-use super::{MarksError, check};
+use super::check;
+use super::header::{MAX_BYTES, Parsed, Source, check_size, name_or_number, one_per_line, parse};
+use crate::PhotoError;
 use plumbline_num::document::{Kind, VERSION};
 use plumbline_num::math::{Point2, Rect, Vec2};
 
@@ -53,7 +53,7 @@ struct Document {
 #[serde(deny_unknown_fields)]
 struct Entry {
     /// Name in messages; default: its number in the file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, alias = "id", deserialize_with = "name_or_number", skip_serializing_if = "Option::is_none")]
     name: Option<String>,
     /// Left edge.
     x: f64,
@@ -68,18 +68,6 @@ struct Entry {
     off: bool,
 }
 
-/// A face of a bare list.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BareEntry {
-    #[serde(default)]
-    id: Option<Id>,
-    x: f64,
-    y: f64,
-    w: f64,
-    h: f64,
-}
-
 /// The JSON schema of the faces file.
 #[cfg(feature = "schema")]
 pub fn faces_schema() -> schemars::Schema {
@@ -90,8 +78,8 @@ impl FacesFile {
     /// Reads the faces of a picture of `size` px from a file.
     ///
     /// # Errors
-    /// [`MarksError`]: as for [`FacesFile::parse`], a file that is too large or cannot be read.
-    pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
+    /// [`PhotoError`]: as for [`FacesFile::parse`], a file that is too large or cannot be read.
+    pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, PhotoError> {
         Self::parse(&KIND.text(path)?, size)
     }
 
@@ -99,19 +87,15 @@ impl FacesFile {
     /// but its middle must lie inside.
     ///
     /// # Errors
-    /// [`MarksError`]: not JSON of this shape, another version, another picture's size, a face without area or outside the
+    /// [`PhotoError`]: not JSON of this shape, another version, another picture's size, a face without area or outside the
     /// picture, equal names, or too many.
-    pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, MarksError> {
-        let entries: Vec<Entry> = match parse::<Document, BareEntry>(&KIND, text)? {
+    pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, PhotoError> {
+        let entries: Vec<Entry> = match parse::<Document, Entry>(&KIND, text)? {
             Parsed::Document(document) => {
                 check_size(document.source, size)?;
                 document.faces
             }
-            Parsed::List(list) => {
-                let entry =
-                    |b: BareEntry| Entry { name: b.id.map(Id::name), x: b.x, y: b.y, w: b.w, h: b.h, off: false };
-                list.into_iter().map(entry).collect()
-            }
+            Parsed::List(list) => list,
         };
         check::count("faces", entries.len(), check::MAX_MARKS)?;
         let faces: Result<Vec<_>, _> = entries.into_iter().enumerate().map(|(i, e)| face(i, e, size)).collect();
@@ -141,14 +125,14 @@ impl FacesFile {
     }
 }
 
-fn face(i: usize, e: Entry, (width, height): (u32, u32)) -> Result<MarkedFace, MarksError> {
+fn face(i: usize, e: Entry, (width, height): (u32, u32)) -> Result<MarkedFace, PhotoError> {
     let name = e.name.unwrap_or_else(|| format!("face {}", i + 1));
-    let refused = |field: &str, value: String, expected: String| {
-        Err(MarksError::Value { mark: check::described("face", i, &name), field: field.into(), value, expected })
+    let refused = |field: &str, value: String, expected: &str| {
+        Err(check::refused(&check::described("face", i, &name), field, &value, expected))
     };
     for (field, side) in [("w", e.w), ("h", e.h)] {
         if !(side > 0.0 && side.is_finite()) {
-            return refused(field, side.to_string(), "a finite number above 0".into());
+            return refused(field, side.to_string(), "a finite number above 0");
         }
     }
     let min = Point2::new(e.x, e.y);
@@ -156,7 +140,7 @@ fn face(i: usize, e: Entry, (width, height): (u32, u32)) -> Result<MarkedFace, M
     let middle = rect.center();
     if !Rect::of_size(f64::from(width), f64::from(height)).contains(middle) {
         let expected = format!("inside the picture of {width}×{height} px");
-        return refused("the middle", format!("({}, {})", middle.x, middle.y), expected);
+        return refused("the middle", format!("({}, {})", middle.x, middle.y), &expected);
     }
     Ok(MarkedFace { name, rect, off: e.off })
 }

@@ -1,9 +1,9 @@
 //! What both files begin with, and reading them.
 
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
-use super::MarksError;
+use crate::PhotoError;
 use plumbline_num::document::{DocumentError, Kind};
 
 /// Maximum size of a file, bytes: a hundred thousand points with many digits.
@@ -44,10 +44,32 @@ pub(super) enum Parsed<D, L> {
     List(Vec<L>),
 }
 
+/// The name of a mark; bare lists may number them.
+pub(super) fn name_or_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "a name or a whole number")]
+    enum Name {
+        Name(String),
+        Number(i64),
+    }
+    let name = Option::<Name>::deserialize(deserializer)?;
+    Ok(name.map(|name| match name {
+        Name::Name(name) => name,
+        Name::Number(n) => n.to_string(),
+    }))
+}
+
 /// Refuses marks of another picture.
-pub(super) fn check_size(source: Source, picture: (u32, u32)) -> Result<(), MarksError> {
-    let file = (source.width, source.height);
-    if file == picture { Ok(()) } else { Err(MarksError::Size { file, picture }) }
+pub(super) fn check_size(source: Source, picture: (u32, u32)) -> Result<(), PhotoError> {
+    let Source { width, height } = source;
+    if (width, height) == picture {
+        return Ok(());
+    }
+    Err(PhotoError::Input(format!(
+        "the file is for a picture of {width}×{height} px and this one has {}×{}: mark this picture, or scale the file's \
+         positions",
+        picture.0, picture.1
+    )))
 }
 
 /// `document`, whose list is empty and last, with `entries` in it, one per line of text: lines that a person can find

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::header::{MAX_BYTES, Parsed, Source, check_size, one_per_line, parse};
+use super::check;
+use super::header::{MAX_BYTES, Parsed, Source, check_size, name_or_number, one_per_line, parse};
 use super::orientation::Written;
-use super::{MarksError, check};
-use crate::Line;
+use crate::{Line, PhotoError};
 use plumbline_num::document::{Kind, VERSION, pixel_center_shift};
 use plumbline_num::math::{Point2, Vec2};
 
@@ -61,7 +61,7 @@ fn half() -> f64 {
 #[serde(deny_unknown_fields)]
 struct Entry {
     /// Name in messages; default: its number in the file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, alias = "id", deserialize_with = "name_or_number", skip_serializing_if = "Option::is_none")]
     name: Option<String>,
     /// Two or more positions in order along the line, px.
     #[cfg_attr(feature = "schema", schemars(length(min = 2)))]
@@ -76,34 +76,6 @@ struct Entry {
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it this way")]
 fn is_false(value: &bool) -> bool {
     !value
-}
-
-/// A line of a bare list.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BareEntry {
-    #[serde(default)]
-    id: Option<Id>,
-    points: Vec<[f64; 2]>,
-    #[serde(default)]
-    orientation: Written,
-}
-
-/// A name or a number.
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "a name or a whole number")]
-pub(super) enum Id {
-    Name(String),
-    Number(i64),
-}
-
-impl Id {
-    pub(super) fn name(self) -> String {
-        match self {
-            Self::Name(name) => name,
-            Self::Number(n) => n.to_string(),
-        }
-    }
 }
 
 /// The JSON schema of the lines file.
@@ -122,30 +94,27 @@ impl LinesFile {
     /// Reads the lines of a picture of `size` px from a file.
     ///
     /// # Errors
-    /// [`MarksError`]: as for [`LinesFile::parse`], a file that is too large or cannot be read.
-    pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, MarksError> {
+    /// [`PhotoError`]: as for [`LinesFile::parse`], a file that is too large or cannot be read.
+    pub fn read(path: &Path, size: (u32, u32)) -> Result<Self, PhotoError> {
         Self::parse(&KIND.text(path)?, size)
     }
 
     /// The lines of a picture of `size` px from a file's text.
     ///
     /// # Errors
-    /// [`MarksError`]: not JSON of this shape, another version, another picture's size, points outside the picture, lines
+    /// [`PhotoError`]: not JSON of this shape, another version, another picture's size, points outside the picture, lines
     /// without extent, equal names, the same line with different orientations, or too many.
-    pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, MarksError> {
-        let lines = match parse::<Document, BareEntry>(&KIND, text)? {
+    pub fn parse(text: &str, size: (u32, u32)) -> Result<Self, PhotoError> {
+        let (entries, by) = match parse::<Document, Entry>(&KIND, text)? {
             Parsed::Document(document) => {
                 check_size(document.source, size)?;
                 let found = document.pixel_center;
-                let by = pixel_center_shift(found).ok_or(MarksError::PixelCenter { found })?;
-                let entries = document.lines.into_iter();
-                entries.enumerate().map(|(i, e)| marked(i, e.name, &e.points, e.orientation, e.off, by)).collect()
+                let refused = || PhotoError::Input(format!("pixel_center is {found} (expected 0.5 or 0)"));
+                (document.lines, pixel_center_shift(found).ok_or_else(refused)?)
             }
-            Parsed::List(list) => {
-                let entries = list.into_iter().enumerate();
-                entries.map(|(i, e)| marked(i, e.id.map(Id::name), &e.points, e.orientation, false, 0.5)).collect()
-            }
+            Parsed::List(list) => (list, 0.5),
         };
+        let lines = entries.into_iter().enumerate().map(|(i, entry)| marked(i, entry, by)).collect();
         let (lines, notes) = check::lines(lines, size)?;
         Ok(Self { size, lines, notes })
     }
@@ -175,10 +144,11 @@ impl LinesFile {
     }
 }
 
-fn marked(i: usize, name: Option<String>, points: &[[f64; 2]], orientation: Written, off: bool, by: f64) -> MarkedLine {
-    let points = points.iter().map(|[x, y]| Point2::new(*x, *y) + Vec2::new(by, by)).collect();
-    let name = name.unwrap_or_else(|| format!("line {}", i + 1));
-    MarkedLine { line: Line { name, points, orientation: orientation.0 }, off }
+/// The line of an entry, its points moved by `by` px.
+fn marked(i: usize, entry: Entry, by: f64) -> MarkedLine {
+    let points = entry.points.iter().map(|[x, y]| Point2::new(*x, *y) + Vec2::new(by, by)).collect();
+    let name = entry.name.unwrap_or_else(|| format!("line {}", i + 1));
+    MarkedLine { line: Line { name, points, orientation: entry.orientation.0 }, off: entry.off }
 }
 
 /// To a thousandth of a pixel, below the accuracy of marks.

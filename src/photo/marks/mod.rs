@@ -31,7 +31,6 @@
 //! `[{"id", "x", "y", "w", "h"}, …]`.
 
 mod check;
-mod error;
 mod faces;
 mod header;
 mod lines;
@@ -39,12 +38,9 @@ mod orientation;
 #[cfg(test)]
 mod tests;
 
-pub use error::MarksError;
-#[cfg(feature = "schema")]
 #[cfg(feature = "schema")]
 pub use faces::faces_schema;
 pub use faces::{FacesFile, MarkedFace};
-#[cfg(feature = "schema")]
 #[cfg(feature = "schema")]
 pub use lines::lines_schema;
 pub use lines::{LinesFile, MarkedLine};

@@ -4,9 +4,9 @@
 //! cell folds. Then the border is moved inwards until the straight edges between its vertices lie inside the outline,
 //! so that every cell contains only picture.
 
-use super::RectangleError;
 use super::outline::{Depth, Outline};
 use super::seams::Canvas;
+use crate::PhotoError;
 use crate::retarget::grid_over;
 use plumbline_image::PlaneRef;
 use plumbline_image::grid::{Grid, GridMesh};
@@ -29,6 +29,11 @@ const MIN_CELLS: usize = 64;
 /// Points at which an edge of the border is checked.
 const SAMPLES: usize = 33;
 
+/// The outline cannot be laid out without folds.
+fn ragged() -> PhotoError {
+    PhotoError::Input("the outline of the picture is too ragged to become a rectangle: crop it first".to_owned())
+}
+
 /// The grid of about `cells` cells, px of the picture; `luma` is the picture at any resolution.
 pub(super) fn initial_grid(
     outline: &Outline,
@@ -36,7 +41,7 @@ pub(super) fn initial_grid(
     size: (usize, usize),
     cells: usize,
     run: &Run,
-) -> Result<GridMesh, RectangleError> {
+) -> Result<GridMesh, PhotoError> {
     let [x0, y0, x1, y1] = outline.bounds();
     let (width, height) = (x1 - x0, y1 - y0);
     let inside: Vec<bool> =
@@ -52,7 +57,7 @@ pub(super) fn initial_grid(
     let gray = (0..width * height).map(level).collect();
     let mut canvas = Canvas::new(width, height, gray, inside.iter().map(|v| !v).collect());
     if !canvas.grow(run)? {
-        return Err(RectangleError::Ragged);
+        return Err(ragged());
     }
     let depth = Depth::of(width, height, &inside);
     let laid = |cells: usize| {
@@ -65,7 +70,7 @@ pub(super) fn initial_grid(
     // A coarser grid follows a ragged outline less closely.
     let mut coarser = std::iter::successors(Some(cells), |n| Some(n / 2)).take_while(|n| *n >= MIN_CELLS);
     let mesh = coarser.find_map(|cells| if run.check().is_ok() { laid(cells) } else { None });
-    let mut mesh = run.complete(mesh)?.ok_or(RectangleError::Ragged)?;
+    let mut mesh = run.complete(mesh)?.ok_or_else(ragged)?;
     let (origin, block) = (Vec2::new(x0 as f64, y0 as f64), outline.block as f64);
     mesh.vertices.iter_mut().for_each(|v| *v = Point2::from((v.coords + origin) * block));
     Ok(mesh)

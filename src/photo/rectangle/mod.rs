@@ -14,7 +14,6 @@
 //! K. He, H. Chang, J. Sun, *Rectangling panoramic images via warping*, ACM Trans. Graph. (SIGGRAPH) 32 (2013).
 
 mod energy;
-mod error;
 mod initial_grid;
 mod outline;
 mod seams;
@@ -23,12 +22,11 @@ mod tests;
 
 use nalgebra::{Matrix2, Vector2};
 
-pub use error::RectangleError;
 pub use outline::Outline;
 
 use super::rectify::{drawn_back, with_neighbors};
-use super::warp::PhotoWarp;
-use super::{Line, report};
+use super::warp::{MAX_SIDE, PhotoWarp};
+use super::{Line, PhotoError, report};
 use energy::Rectangling;
 use plumbline_image::PlaneRef;
 use plumbline_image::grid::{Grid, GridMesh};
@@ -37,8 +35,6 @@ use plumbline_num::math::{Point2, PointMap, Rect};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
-/// Largest side of an output, px: the renderer's limit.
-const MAX_SIDE: usize = 16_384;
 /// Alternations between grid and rotations for each shape of the rectangle, as in the paper.
 const ITERATIONS: usize = 10;
 /// Attempts with fourfold weight of folded cells before the grid is interpolated back: `4⁶` exceeds the default weight
@@ -110,16 +106,16 @@ pub struct Rectangled {
 /// The warp that makes a picture with an irregular outline a rectangle.
 ///
 /// # Errors
-/// [`RectangleError`]: an option out of range, an outline of nothing or too ragged, an interruption.
-pub fn rectangle(
-    input: &RectangleInput<'_>,
-    options: &RectangleOptions,
-    run: &Run,
-) -> Result<Rectangled, RectangleError> {
+/// [`PhotoError`]: an option out of range, an outline of nothing or too ragged, an interruption.
+pub fn rectangle(input: &RectangleInput<'_>, options: &RectangleOptions, run: &Run) -> Result<Rectangled, PhotoError> {
     check(options)?;
     let share = input.outline.inside_fraction();
     if share < MIN_INSIDE {
-        return Err(RectangleError::Empty { percent: 100.0 * share });
+        let percent = 100.0 * share;
+        return Err(PhotoError::Input(format!(
+            "only {percent:.1} % of the picture lies inside its border (expected at least {:.0}): is it the right picture?",
+            100.0 * MIN_INSIDE
+        )));
     }
     let source = initial_grid::initial_grid(input.outline, input.luma, input.size, options.cells, run)?;
     let weights = weights(&source, input.faces, options.faces);
@@ -145,7 +141,7 @@ pub fn rectangle(
     Ok(Rectangled { warp, stretch, outside })
 }
 
-fn check(options: &RectangleOptions) -> Result<(), RectangleError> {
+fn check(options: &RectangleOptions) -> Result<(), PhotoError> {
     let aspect = if let RectangleShape::Aspect(aspect) = options.shape { aspect } else { 1.0 };
     let (width, height) = if let RectangleShape::Exact(w, h) = options.shape { (w, h) } else { (1, 1) };
     let side = |n: usize| (1..=MAX_SIDE).contains(&n);
@@ -170,7 +166,7 @@ fn shaped((width, height): (f64, f64), shape: RectangleShape) -> (f64, f64) {
     ((area * aspect).sqrt(), (area / aspect).sqrt())
 }
 
-fn pixels(size: (f64, f64), shape: RectangleShape) -> Result<(usize, usize), RectangleError> {
+fn pixels(size: (f64, f64), shape: RectangleShape) -> Result<(usize, usize), PhotoError> {
     if let RectangleShape::Exact(w, h) = shape {
         return Ok((w, h));
     }
@@ -210,7 +206,7 @@ fn solved(
     mut sound: GridMesh,
     size: (f64, f64),
     run: &Run,
-) -> Result<(GridMesh, usize), RectangleError> {
+) -> Result<(GridMesh, usize), PhotoError> {
     let mut solves = 0;
     for _ in 0..MAX_FOLD_ITERATIONS {
         let mut found = energy.solve(size, None, run)?;
@@ -251,12 +247,7 @@ fn stretch(source: &GridMesh, out: &GridMesh) -> [f64; 2] {
 }
 
 /// The warp of a grid in the picture and in the output.
-fn warp(
-    source: &GridMesh,
-    mesh: GridMesh,
-    size: (usize, usize),
-    iterations: usize,
-) -> Result<PhotoWarp, RectangleError> {
+fn warp(source: &GridMesh, mesh: GridMesh, size: (usize, usize), iterations: usize) -> Result<PhotoWarp, PhotoError> {
     let (cols, rows) = (source.cols as f64, source.rows as f64);
     let grid = Grid { cols: source.cols, rows: source.rows, width: cols, height: rows };
     let inverse = Map::Mesh(InverseMesh::new(&mesh, cols, rows)?);

@@ -1,16 +1,16 @@
 //! Closed-form projections: rectilinear, Panini, cylindrical and others.
 
-use nalgebra::{Matrix2, Matrix3x2, Rotation3};
+use nalgebra::Rotation3;
 
-use super::RectifyOptions;
 use super::chart::Chart;
-use super::error::RectifyError;
 use super::frame::Unframed;
-use super::sphere_grid::{SphereGrid, Window};
+use super::sphere_grid::{SourceFromRay, SphereGrid, Window};
+use super::{RectifyOptions, empty_view};
+use crate::PhotoError;
 use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::Map;
-use plumbline_num::math::{Point2, PointMap, Vec2};
+use plumbline_num::math::{Point2, Vec2};
 
 /// Largest angle from the center of a rectilinear output, rad: 65°, where it stretches 2.4-fold.
 const RECTILINEAR_REACH: f64 = 1.134_464_014;
@@ -20,23 +20,27 @@ const PANINI_REACH: f64 = 1.396_263_402;
 const CYLINDER_REACH: f64 = 1.221_730_476;
 
 /// The warp to `projection`, as far as it can show the picture.
-pub(super) fn unframed(
-    lens: &Lens,
-    projection: &Projection,
-    options: &RectifyOptions,
-) -> Result<Unframed, RectifyError> {
+pub(super) fn unframed(lens: &Lens, projection: &Projection, options: &RectifyOptions) -> Result<Unframed, PhotoError> {
     let view_from_camera = options.view.view_from_camera();
     let window = within_reach(projection, options.window);
     let chart = Chart::mercator(view_from_camera);
-    let sphere = SphereGrid::new(chart, lens, Some(window), options.cells).ok_or(RectifyError::EmptyView)?;
+    let sphere = SphereGrid::new(chart, lens, Some(window), options.cells).ok_or_else(empty_view)?;
     let focal = density(lens, &view_from_camera);
     let plane =
         Lens { projection: projection.clone(), focal: Vec2::repeat(focal), center: Point2::origin(), size: (1.0, 1.0) };
     let position = |i: usize| plane.project(&sphere.chart.ray_in_view(sphere.vertex(i))?);
     let vertices: Option<Vec<Point2>> = (0..sphere.grid.vertex_count()).map(position).collect();
     let (cols, rows) = (sphere.grid.cols, sphere.grid.rows);
-    let mesh = GridMesh { cols, rows, vertices: vertices.ok_or(RectifyError::EmptyView)? };
-    let map = SourceFromPlane { plane: plane.clone(), view_from_camera, lens: lens.clone(), window };
+    let mesh = GridMesh { cols, rows, vertices: vertices.ok_or_else(empty_view)? };
+    let (shown_plane, camera_from_view) = (plane.clone(), view_from_camera.inverse());
+    let ray = move |p: Point2| {
+        let ray = shown_plane.unproject(p)?;
+        let longitude = ray.x.atan2(ray.z).abs();
+        let latitude = ray.y.atan2(ray.x.hypot(ray.z)).abs();
+        let shown = longitude <= window.half_width && latitude <= window.half_height;
+        shown.then(|| camera_from_view * ray)
+    };
+    let map = SourceFromRay { lens: lens.clone(), ray, step: 1e-3 };
     let lens = lens.clone();
     let forward = Box::new(move |p| plane.project(&(view_from_camera * lens.unproject(p)?)));
     Ok(Unframed { maps: vec![Map::Radial(Box::new(map))], mesh, forward })
@@ -66,36 +70,4 @@ fn within_reach(projection: &Projection, window: Option<Window>) -> Window {
     let all = Window { half_width: f64::MAX, half_height: f64::MAX };
     let wanted = window.unwrap_or(all);
     Window { half_width: wanted.half_width.min(half_width), half_height: wanted.half_height.min(half_height) }
-}
-
-/// From the plane of a projection to the picture.
-#[derive(Clone, Debug)]
-struct SourceFromPlane {
-    plane: Lens,
-    view_from_camera: Rotation3<f64>,
-    lens: Lens,
-    window: Window,
-}
-
-impl SourceFromPlane {
-    fn ray(&self, p: Point2) -> Option<Vec3> {
-        let ray = self.plane.unproject(p)?;
-        let longitude = ray.x.atan2(ray.z).abs();
-        let latitude = ray.y.atan2(ray.x.hypot(ray.z)).abs();
-        let shown = longitude <= self.window.half_width && latitude <= self.window.half_height;
-        shown.then(|| self.view_from_camera.inverse() * ray)
-    }
-}
-
-impl PointMap for SourceFromPlane {
-    fn map(&self, p: Point2) -> Option<Point2> {
-        self.lens.project(&self.ray(p)?)
-    }
-
-    fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
-        let e = 1e-3;
-        let slope = |d: Vec2| Some((self.ray(p + d)? - self.ray(p - d)?) / (2.0 * e));
-        let by_position = Matrix3x2::from_columns(&[slope(Vec2::new(e, 0.0))?, slope(Vec2::new(0.0, e))?]);
-        Some(self.lens.project_with_jacobian(&self.ray(p)?)?.1 * by_position)
-    }
 }

@@ -2,11 +2,11 @@
 
 use nalgebra::Matrix2x3;
 
-use super::RectifyOptions;
-use super::error::RectifyError;
+use super::{RectifyOptions, empty_view};
+use crate::PhotoError;
 use crate::aspect_ratio::AspectRatio;
 use crate::crop::Coverage;
-use crate::warp::{Forward, PhotoWarp};
+use crate::warp::{Forward, MAX_SIDE, PhotoWarp};
 use plumbline_camera::Lens;
 use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::{Lattice, Map, WarpField};
@@ -16,8 +16,6 @@ use plumbline_num::math::{Point2, Rect, Vec2};
 const RASTER: usize = 800;
 /// Tolerance for faces at the frame, as a fraction of its longer side: two pixels of the raster.
 const CUT: f64 = 2.0 / RASTER as f64;
-/// Largest side of an output, px: the renderer's limit.
-const MAX_SIDE: f64 = 16_384.0;
 
 /// Crop of the output: `"auto"`, `"rectangle"`, `"none"`, or an aspect ratio such as `"3:2"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,9 +58,9 @@ impl Unframed {
         lens: &Lens,
         faces: &[Rect],
         options: &RectifyOptions,
-    ) -> Result<PhotoWarp, RectifyError> {
-        let bounds = bounds(&self.mesh).ok_or(RectifyError::EmptyView)?;
-        let frame = self.crop(bounds, lens, faces, options).ok_or(RectifyError::EmptyView)?;
+    ) -> Result<PhotoWarp, PhotoError> {
+        let bounds = bounds(&self.mesh).ok_or_else(empty_view)?;
+        let frame = self.crop(bounds, lens, faces, options).ok_or_else(empty_view)?;
         let (size, scale) = size(&frame, lens, options)?;
         let plane_from_out = Matrix2x3::new(1.0 / scale.x, 0.0, frame.min.x, 0.0, 1.0 / scale.y, frame.min.y);
         self.maps.insert(0, Map::Affine(plane_from_out));
@@ -162,7 +160,7 @@ fn cut_faces(faces: &[Rect], lens: &Lens, forward: &Forward, size: (usize, usize
 }
 
 /// Size of the output, px, and its pixels per unit of the plane along x and y.
-fn size(frame: &Rect, lens: &Lens, options: &RectifyOptions) -> Result<((usize, usize), Vec2), RectifyError> {
+fn size(frame: &Rect, lens: &Lens, options: &RectifyOptions) -> Result<((usize, usize), Vec2), PhotoError> {
     let (width, height) = match options.size {
         OutputSize::Exact(w, h) => (w as f64, h as f64),
         OutputSize::Source if lens.projection.is_panoramic() => (frame.width().round(), frame.height().round()),
@@ -178,9 +176,13 @@ fn size(frame: &Rect, lens: &Lens, options: &RectifyOptions) -> Result<((usize, 
 }
 
 /// Whether an output can have this size.
-pub(super) fn check_size(width: f64, height: f64) -> Result<(), RectifyError> {
-    let valid = |side: f64| (1.0..=MAX_SIDE).contains(&side);
-    if valid(width) && valid(height) { Ok(()) } else { Err(RectifyError::Size { width, height }) }
+pub(super) fn check_size(width: f64, height: f64) -> Result<(), PhotoError> {
+    let valid = |side: f64| (1.0..=MAX_SIDE as f64).contains(&side);
+    let refused = || {
+        let size = format!("{width} × {height} px (expected 1 to {MAX_SIDE} each)");
+        PhotoError::Output(format!("the output would have {size}: choose another size or crop"))
+    };
+    (valid(width) && valid(height)).then_some(()).ok_or_else(refused)
 }
 
 fn bounds(mesh: &GridMesh) -> Option<Rect> {

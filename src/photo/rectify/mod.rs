@@ -9,7 +9,6 @@
 //! (SIGGRAPH) 28 (2009).
 
 mod chart;
-mod error;
 mod fixed;
 mod frame;
 mod notation;
@@ -21,7 +20,6 @@ mod weights;
 
 use nalgebra::Rotation3;
 
-pub use error::RectifyError;
 pub use frame::{Crop, OutputSize};
 pub use rectifier::Rectifier;
 pub use solver::EnergyWeights;
@@ -29,7 +27,7 @@ pub(super) use solver::{drawn_back, with_neighbors};
 pub use sphere_grid::Window;
 
 use super::warp::PhotoWarp;
-use super::{Line, report};
+use super::{Line, PhotoError, report};
 use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::Plane;
 use plumbline_num::math::Rect;
@@ -116,8 +114,8 @@ pub struct RectifyInput<'a> {
 /// The warp that rectifies a picture.
 ///
 /// # Errors
-/// [`RectifyError`]: an option out of range, a view that shows nothing, an output without pixels, an interruption.
-pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) -> Result<PhotoWarp, RectifyError> {
+/// [`PhotoError`]: an option out of range, a view that shows nothing, an output without pixels, an interruption.
+pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) -> Result<PhotoWarp, PhotoError> {
     let Target::Fixed(projection) = &options.target else { return Rectifier::new(input, options, run)?.warp() };
     check(options)?;
     let mut warp = fixed::unframed(input.lens, projection, options)?.framed(input.lens, input.faces, options)?;
@@ -125,7 +123,13 @@ pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) ->
     Ok(warp)
 }
 
-fn check(options: &RectifyOptions) -> Result<(), RectifyError> {
+/// The view does not overlap the picture.
+fn empty_view() -> PhotoError {
+    let text = "the view shows nothing of the picture: choose another direction, or a larger field of view";
+    PhotoError::Output(text.to_owned())
+}
+
+fn check(options: &RectifyOptions) -> Result<(), PhotoError> {
     if let OutputSize::Exact(w, h) = options.size {
         frame::check_size(w as f64, h as f64)?;
     }

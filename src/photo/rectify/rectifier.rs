@@ -4,14 +4,13 @@
 //! solves: [`Rectifier::follow`] starts from the last solution on the full grid and keeps the choice of a straight or
 //! free border, so that the picture does not jump.
 
-use super::error::RectifyError;
 use super::frame::{Crop, OutputSize, Unframed};
 use super::solver::{Folding, Sheet, halved};
 use super::sphere_grid::{SphereGrid, chart_for};
 use super::straight::{GridLine, sides};
 use super::weights::{CellWeights, FaceTarget};
-use super::{RectifyInput, RectifyOptions, check, fixed};
-use crate::{Line, PhotoWarp, report};
+use super::{RectifyInput, RectifyOptions, check, empty_view, fixed};
+use crate::{Line, PhotoError, PhotoWarp, report};
 use plumbline_camera::Lens;
 use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::{InverseMesh, Map};
@@ -46,11 +45,11 @@ impl Rectifier {
     ///
     /// # Errors
     /// As [`super::rectify`].
-    pub fn new(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) -> Result<Self, RectifyError> {
+    pub fn new(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) -> Result<Self, PhotoError> {
         check(options)?;
         let lens = input.lens;
         let chart = chart_for(options.view.view_from_camera(), options.window);
-        let coarse = SphereGrid::new(chart, lens, options.window, options.cells / 2).ok_or(RectifyError::EmptyView)?;
+        let coarse = SphereGrid::new(chart, lens, options.window, options.cells / 2).ok_or_else(empty_view)?;
         let fine = coarse.refined(lens);
         let sides = match options.crop {
             Crop::Auto | Crop::Aspect(_) => sides(lens, &coarse).zip(sides(lens, &fine)).map(<[_; 2]>::from),
@@ -72,9 +71,9 @@ impl Rectifier {
     /// Solves for other lines from scratch: the result does not depend on earlier solves.
     ///
     /// # Errors
-    /// [`RectifyError::Energy`] for lines that are not finite; [`RectifyError::Interrupted`]; the last solution is
+    /// [`PhotoError::Energy`] for lines that are not finite; [`PhotoError::Interrupted`]; the last solution is
     /// kept.
-    pub fn solve(&mut self, lines: &[Line], run: &Run) -> Result<(), RectifyError> {
+    pub fn solve(&mut self, lines: &[Line], run: &Run) -> Result<(), PhotoError> {
         let mut iterations = 0;
         let mut found = None;
         if self.sides.is_some() {
@@ -95,7 +94,7 @@ impl Rectifier {
     ///
     /// # Errors
     /// As [`Self::solve`].
-    pub fn follow(&mut self, lines: &[Line], run: &Run) -> Result<(), RectifyError> {
+    pub fn follow(&mut self, lines: &[Line], run: &Run) -> Result<(), PhotoError> {
         let border = self.solved.as_ref().is_some_and(|s| s.border);
         let on_grid = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
         let Some(solved) = &mut self.solved else { return self.solve(lines, run) };
@@ -117,8 +116,8 @@ impl Rectifier {
     /// The warp of the last solve.
     ///
     /// # Errors
-    /// [`RectifyError::Size`], [`RectifyError::EmptyView`] where nothing is left of the picture.
-    pub fn warp(&self) -> Result<PhotoWarp, RectifyError> {
+    /// [`PhotoError::Output`] where nothing is left of the picture, or an output would have no pixels, or too many.
+    pub fn warp(&self) -> Result<PhotoWarp, PhotoError> {
         let solved = self.solved();
         let mut warp = self.unframed()?.framed(&self.lens, &self.faces, &self.options)?;
         warp.iterations = solved.iterations;
@@ -130,8 +129,8 @@ impl Rectifier {
     /// to a straight border takes effect with the next [`Self::solve`].
     ///
     /// # Errors
-    /// [`RectifyError::Option`], [`RectifyError::Size`].
-    pub fn set_frame(&mut self, crop: Crop, size: OutputSize) -> Result<(), RectifyError> {
+    /// [`PhotoError::Option`], [`PhotoError::Output`].
+    pub fn set_frame(&mut self, crop: Crop, size: OutputSize) -> Result<(), PhotoError> {
         let options = RectifyOptions { crop, size, ..self.options.clone() };
         check(&options)?;
         self.options = options;
@@ -149,7 +148,7 @@ impl Rectifier {
         border: bool,
         iterations: &mut usize,
         run: &Run,
-    ) -> Result<Option<GridMesh>, RectifyError> {
+    ) -> Result<Option<GridMesh>, PhotoError> {
         let on_coarse = self.on_grid(lines, &self.coarse.sphere, border.then_some(0));
         let on_fine = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
         let (initial, first) = self.coarse.solve(&on_coarse, None, Folding::Held, run)?;
@@ -167,7 +166,7 @@ impl Rectifier {
     }
 
     /// The warp of the solved sheet, in px at the density of the source.
-    fn unframed(&self) -> Result<Unframed, RectifyError> {
+    fn unframed(&self) -> Result<Unframed, PhotoError> {
         let (sphere, sheet) = (self.fine.sphere.clone(), self.sheet());
         let focal = fixed::density(&self.lens, sphere.chart.view_from_camera());
         let vertices = sheet.vertices.iter().map(|v| v * focal).collect();

@@ -80,9 +80,11 @@ impl SphereGrid {
     }
 
     /// The map from the grid's rectangle to the picture.
-    pub(super) fn source(&self, lens: &Lens) -> SourceFromGrid {
+    pub(super) fn source(&self, lens: &Lens) -> SourceFromRay<impl Fn(Point2) -> Option<Vec3> + Send + Sync + use<>> {
+        let (chart, origin) = (self.chart.clone(), self.origin);
         let extent = Rect::of_size(self.grid.width, self.grid.height);
-        SourceFromGrid { lens: lens.clone(), chart: self.chart.clone(), origin: self.origin, extent }
+        let ray = move |p: Point2| extent.contains(p).then(|| chart.ray(p.coords + origin)).flatten();
+        SourceFromRay { lens: lens.clone(), ray, step: 1e-6 }
     }
 
     fn cells_inside(&self, lens: &Lens) -> Vec<bool> {
@@ -137,32 +139,24 @@ fn reachable(ray_in_view: &Vec3, window: Option<Window>) -> bool {
     }
 }
 
-/// From the grid's rectangle to the picture: chart, rotation of the view, lens.
-#[derive(Clone, Debug)]
-pub(super) struct SourceFromGrid {
+/// From a plane to the picture: the direction of each point, then the lens.
+pub(super) struct SourceFromRay<F> {
     pub(super) lens: Lens,
-    pub(super) chart: Chart,
-    pub(super) origin: Vec2,
-    /// The grid's rectangle.
-    pub(super) extent: Rect,
+    /// The direction of a point of the plane, in the camera; `None` beyond what is shown.
+    pub(super) ray: F,
+    /// Step of the central differences, in the unit of the plane.
+    pub(super) step: f64,
 }
 
-impl SourceFromGrid {
-    /// The direction of a point of the grid; `None` beyond it.
-    fn ray(&self, p: Point2) -> Option<Vec3> {
-        self.extent.contains(p).then(|| self.chart.ray(p.coords + self.origin)).flatten()
-    }
-}
-
-impl PointMap for SourceFromGrid {
+impl<F: Fn(Point2) -> Option<Vec3> + Send + Sync> PointMap for SourceFromRay<F> {
     fn map(&self, p: Point2) -> Option<Point2> {
-        self.lens.project(&self.ray(p)?)
+        self.lens.project(&(self.ray)(p)?)
     }
 
     fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
-        let e = 1e-6;
-        let slope = |d: Vec2| Some((self.ray(p + d)? - self.ray(p - d)?) / (2.0 * e));
-        let by_position = Matrix3x2::from_columns(&[slope(Vec2::new(e, 0.0))?, slope(Vec2::new(0.0, e))?]);
-        Some(self.lens.project_with_jacobian(&self.ray(p)?)?.1 * by_position)
+        let slope = |d: Vec2| Some(((self.ray)(p + d)? - (self.ray)(p - d)?) / (2.0 * self.step));
+        let by_position =
+            Matrix3x2::from_columns(&[slope(Vec2::new(self.step, 0.0))?, slope(Vec2::new(0.0, self.step))?]);
+        Some(self.lens.project_with_jacobian(&(self.ray)(p)?)?.1 * by_position)
     }
 }

@@ -18,7 +18,7 @@
 //! D. Panozzo, O. Weber, O. Sorkine, *Robust image retargeting via axis-aligned deformation*, Computer Graphics Forum
 //! (Eurographics) 31 (2012).
 
-use super::RetargetError;
+use crate::PhotoError;
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_num::math::Point2;
 use plumbline_num::optim::qp::{Affine, QuadraticProgram};
@@ -33,14 +33,14 @@ const REWEIGHTINGS: usize = 4;
 /// `weights` are those of the cells, row-major.
 ///
 /// # Errors
-/// [`RetargetError::Start`] where the program is not solved.
+/// [`PhotoError::Input`] where the program is not solved.
 pub(super) fn axis_aligned(
     grid: &Grid,
     weights: &[f64],
     size: (f64, f64),
     bounds: Bounds,
     run: &Run,
-) -> Result<GridMesh, RetargetError> {
+) -> Result<GridMesh, PhotoError> {
     let (columns, rows) = scales(grid, weights, (size.0 / grid.width, size.1 / grid.height), bounds, run)?;
     let (x, y) = (positions(&columns, size.0), positions(&rows, size.1));
     let vertices = y.iter().flat_map(|&y| x.iter().map(move |&x| Point2::new(x, y))).collect();
@@ -59,14 +59,14 @@ pub(crate) struct Bounds {
 /// Scales of columns and rows relative to the plain resize: `a_c / s_x`, `d_r / s_y`, means 1.
 ///
 /// # Errors
-/// [`RetargetError::Start`] where the program is not solved.
+/// [`PhotoError::Input`] where the program is not solved.
 pub(crate) fn scales(
     grid: &Grid,
     weights: &[f64],
     (sx, sy): (f64, f64),
     bounds: Bounds,
     run: &Run,
-) -> Result<(Vec<f64>, Vec<f64>), RetargetError> {
+) -> Result<(Vec<f64>, Vec<f64>), PhotoError> {
     let (mut a, mut d) = (vec![1.0; grid.cols], vec![1.0; grid.rows]);
     for _ in 0..REWEIGHTINGS {
         let relative = |(cell, w): (usize, &f64)| w / (a[cell % grid.cols] * d[cell / grid.cols]);

@@ -10,7 +10,6 @@
 //! interactive resizing.
 
 pub(super) mod axis_aligned;
-mod error;
 mod scale_and_stretch;
 mod straight;
 #[cfg(test)]
@@ -20,10 +19,8 @@ mod window;
 
 use nalgebra::Matrix2x3;
 
-use super::{FittedLine, Line, LineReport, Orientation, PhotoWarp};
+use super::{FittedLine, Line, LineReport, Orientation, PhotoError, PhotoWarp};
 use axis_aligned::{Bounds, axis_aligned};
-use error::MAX_SIDE;
-pub use error::RetargetError;
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::grid::{Grid, GridMesh};
 use plumbline_image::warp::{Map, WarpField};
@@ -35,6 +32,8 @@ use straight::Straight;
 use virtual_points::virtual_points;
 pub(super) use window::{kept_share, strip_profile};
 
+/// Largest side of a picture, px: the largest that JPEG can hold.
+const MAX_SIDE: usize = 65_535;
 /// Samples at which a line is measured, in addition to the marked points.
 const SAMPLES: usize = 64;
 /// Angle error, rad, above which the constraint on a line's direction counts as failed: half a degree.
@@ -124,7 +123,7 @@ pub fn retarget(
     faces: &[Face],
     options: &RetargetOptions,
     run: &Run,
-) -> Result<Retargeted, RetargetError> {
+) -> Result<Retargeted, PhotoError> {
     Retargeter::new(source, importance.clone(), lines.to_vec(), faces.to_vec(), *options)?.solve(out, run)
 }
 
@@ -157,29 +156,29 @@ impl Retargeter {
     /// Takes a picture of `source` px; lines and faces are in px of it.
     ///
     /// # Errors
-    /// [`RetargetError::SourceSize`], [`RetargetError::Line`], [`RetargetError::Face`], [`RetargetError::Option`].
+    /// [`PhotoError::Input`] for a size, a line or a face that is none, [`PhotoError::Option`].
     pub fn new(
         source: (usize, usize),
         importance: Importance,
         lines: Vec<Line>,
         faces: Vec<Face>,
         options: RetargetOptions,
-    ) -> Result<Self, RetargetError> {
+    ) -> Result<Self, PhotoError> {
         options.check()?;
-        let (width, height) = source;
-        if !is_size(source) {
-            return Err(RetargetError::SourceSize { width, height });
-        }
+        check_source(source)?;
         let finite = |p: &Point2| p.x.is_finite() && p.y.is_finite();
         let given = |o: Orientation| !matches!(o, Orientation::Angle(a) if !a.is_finite());
         if let Some(line) = lines.iter().find(|l| !(l.points.iter().all(finite) && given(l.orientation))) {
-            return Err(RetargetError::Line { name: line.name.clone() });
+            return Err(PhotoError::Input(format!(
+                "line {:?} has a point that is not finite; mark it again",
+                line.name
+            )));
         }
         let sound = |r: &Rect| finite(&r.min) && finite(&r.max) && r.width() > 0.0 && r.height() > 0.0;
         if let Some(index) = faces.iter().position(|f| !sound(&f.rect)) {
-            return Err(RetargetError::Face { index });
+            return Err(PhotoError::Input(format!("face {index} has an empty box or one that is not finite")));
         }
-        let source = (width as f64, height as f64);
+        let source = (source.0 as f64, source.1 as f64);
         Ok(Self { source, importance, lines, faces, options, prepared: None })
     }
 
@@ -187,14 +186,11 @@ impl Retargeter {
     /// does not depend on earlier calls.
     ///
     /// # Errors
-    /// [`RetargetError::TargetSize`]; [`RetargetError::Start`], [`RetargetError::Solve`] where numerics fail;
-    /// [`RetargetError::Interrupted`].
-    pub fn solve(&mut self, out: (usize, usize), run: &Run) -> Result<Retargeted, RetargetError> {
-        let (width, height) = out;
-        if !is_size(out) {
-            return Err(RetargetError::TargetSize { width, height });
-        }
-        let size = (width as f64, height as f64);
+    /// [`PhotoError::Output`] for a size that is none; [`PhotoError::Input`], [`PhotoError::Energy`] where numerics fail;
+    /// [`PhotoError::Interrupted`].
+    pub fn solve(&mut self, out: (usize, usize), run: &Run) -> Result<Retargeted, PhotoError> {
+        check_target(out)?;
+        let size = (out.0 as f64, out.1 as f64);
         let window = window::window(self.source, size, &self.importance, self.options.crop_below);
         self.solve_in(window, out, run)
     }
@@ -202,20 +198,19 @@ impl Retargeter {
     /// [`Self::solve`] with the window given, px of the picture.
     ///
     /// # Errors
-    /// [`RetargetError::TargetSize`], [`RetargetError::Window`]; as [`Self::solve`] otherwise.
-    pub fn solve_in(&mut self, window: Rect, out: (usize, usize), run: &Run) -> Result<Retargeted, RetargetError> {
-        let (width, height) = out;
-        if !is_size(out) {
-            return Err(RetargetError::TargetSize { width, height });
-        }
-        let size = (width as f64, height as f64);
+    /// [`PhotoError::Input`] for a window that is empty or reaches outside the picture; as [`Self::solve`] otherwise.
+    pub fn solve_in(&mut self, window: Rect, out: (usize, usize), run: &Run) -> Result<Retargeted, PhotoError> {
+        check_target(out)?;
+        let size = (out.0 as f64, out.1 as f64);
         let slack = 1e-9 * self.source.0.max(self.source.1);
         let inside = window.min.x >= -slack
             && window.min.y >= -slack
             && window.max.x <= self.source.0 + slack
             && window.max.y <= self.source.1 + slack;
         if !(inside && window.width() > slack && window.height() > slack) {
-            return Err(RetargetError::Window { window });
+            let Rect { min, max } = window;
+            let from_to = format!("from ({}, {}) to ({}, {})", min.x, min.y, max.x, max.y);
+            return Err(PhotoError::Input(format!("the window {from_to} is empty or reaches outside the picture")));
         }
         if self.prepared.as_ref().is_none_or(|p| p.window != window || !p.released.is_empty()) {
             self.prepared = Some(self.prepare(window, Vec::new())?);
@@ -233,7 +228,7 @@ impl Retargeter {
         }
     }
 
-    fn prepare(&self, window: Rect, released: Vec<usize>) -> Result<Prepared, RetargetError> {
+    fn prepare(&self, window: Rect, released: Vec<usize>) -> Result<Prepared, PhotoError> {
         let (w, h) = (window.width(), window.height());
         let grid = grid_over(w, h, self.options.cells);
         let weights = self.weights(&window, &grid);
@@ -286,7 +281,19 @@ const INITIAL_STRETCH: f64 = 1.25;
 /// Minimum weight of a cell: keeps the energy definite where a mask gives no importance at all.
 const MIN_WEIGHT: f64 = 1e-3;
 
-pub(super) fn is_size((width, height): (usize, usize)) -> bool {
+/// Refuses a picture without pixels, or one too large for maps.
+pub(super) fn check_source((width, height): (usize, usize)) -> Result<(), PhotoError> {
+    let refused = || format!("the picture has {width}×{height} px (expected 1 to {MAX_SIDE} each way)");
+    is_size((width, height)).then_some(()).ok_or_else(|| PhotoError::Input(refused()))
+}
+
+/// Refuses an output without pixels, or one too large for maps.
+pub(super) fn check_target((width, height): (usize, usize)) -> Result<(), PhotoError> {
+    let refused = || format!("target size {width}×{height} px is invalid (expected 1 to {MAX_SIDE} each way)");
+    is_size((width, height)).then_some(()).ok_or_else(|| PhotoError::Output(refused()))
+}
+
+fn is_size((width, height): (usize, usize)) -> bool {
     (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height)
 }
 
@@ -306,7 +313,7 @@ impl Prepared {
         size: (f64, f64),
         options: &RetargetOptions,
         run: &Run,
-    ) -> Result<(GridMesh, Descent), RetargetError> {
+    ) -> Result<(GridMesh, Descent), PhotoError> {
         let plain = plain_resize(&self.grid, size);
         let similar = (size.0 * self.grid.height - size.1 * self.grid.width).abs() < 1e-12 * size.0 * self.grid.height;
         let bounds = Bounds { least: options.min_scale, most: INITIAL_STRETCH * options.max_scale };
@@ -337,7 +344,7 @@ impl Prepared {
         descent: &Descent,
         lines: Vec<LineReport>,
         size: (usize, usize),
-    ) -> Result<Retargeted, RetargetError> {
+    ) -> Result<Retargeted, PhotoError> {
         let mut field = WarpField::from_forward_mesh(&mesh, self.grid.width, self.grid.height)?;
         if self.window.min != Point2::origin() {
             let (x, y) = (self.window.min.x, self.window.min.y);

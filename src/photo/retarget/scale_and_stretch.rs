@@ -33,8 +33,8 @@
 //! Y.-S. Wang, C.-L. Tai, O. Sorkine, T.-Y. Lee, *Optimized scale-and-stretch for image resizing*, ACM Trans. Graph.
 //! (SIGGRAPH Asia) 27 (2008), section 3.3.
 
-use super::RetargetError;
 use super::straight::{LinePosition, Straight};
+use crate::PhotoError;
 use plumbline_image::grid::{Grid, GridMesh, Quad};
 use plumbline_num::energy::{Ordering, QuadraticEnergy};
 use plumbline_num::math::Point2;
@@ -123,13 +123,13 @@ impl ScaleAndStretch {
     /// Analyzes the pattern.
     ///
     /// # Errors
-    /// [`RetargetError::Solve`] where the pattern cannot be analyzed.
+    /// [`PhotoError::Energy`] where the pattern cannot be analyzed.
     pub(super) fn new(
         grid: Grid,
         weights: Vec<f64>,
         lines: Vec<Straight>,
         settings: Settings,
-    ) -> Result<Self, RetargetError> {
+    ) -> Result<Self, PhotoError> {
         let (unknown_of, mut count) = number_free_coordinates(&grid);
         let of_cell = |cell: usize| -> Vec<usize> {
             let coordinates = grid.corners(cell).into_iter().flat_map(|v| [2 * v, 2 * v + 1]);
@@ -148,13 +148,8 @@ impl ScaleAndStretch {
     /// Minimizes from `mesh`, which must have no fold and its border in place.
     ///
     /// # Errors
-    /// [`RetargetError::Solve`] where a step cannot be solved.
-    pub(super) fn minimize(
-        &mut self,
-        mesh: &mut GridMesh,
-        size: (f64, f64),
-        run: &Run,
-    ) -> Result<Descent, RetargetError> {
+    /// [`PhotoError::Energy`] where a step cannot be solved.
+    pub(super) fn minimize(&mut self, mesh: &mut GridMesh, size: (f64, f64), run: &Run) -> Result<Descent, PhotoError> {
         let scales = Scales::new(&self.grid, size, &self.settings);
         let mut energies = vec![self.cost(mesh, &scales)];
         if energies[0] < NEGLIGIBLE_ENERGY {

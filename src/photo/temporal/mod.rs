@@ -24,9 +24,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::retarget::RetargetError;
+use super::PhotoError;
 use super::retarget::axis_aligned::{self, Bounds};
-use super::retarget::{grid_over, is_size, kept_share, strip_profile};
+use super::retarget::{check_source, check_target, grid_over, kept_share, strip_profile};
 use followed::Followed;
 pub use frame_grid::FrameGrid;
 pub use importance::ClipImportance;
@@ -158,23 +158,19 @@ struct Knot {
 /// Finds the grids that give a clip the size `out` px.
 ///
 /// # Errors
-/// [`RetargetError::SourceSize`], [`RetargetError::TargetSize`], [`RetargetError::Option`]; [`RetargetError::Start`] where
-/// numerics fail.
+/// [`PhotoError::Input`] for a size of the clip that is none, [`PhotoError::Output`] for `out`, [`PhotoError::Option`];
+/// [`PhotoError::Input`] where numerics fail.
 pub fn retarget_clip(
     clip: &ClipData<'_>,
     importance: &ClipImportance,
     out: (usize, usize),
     options: &ClipRetargetOptions,
     run: &Run,
-) -> Result<ClipGrids, RetargetError> {
+) -> Result<ClipGrids, PhotoError> {
     options.check()?;
+    check_source(clip.size)?;
+    check_target(out)?;
     let (width, height) = clip.size;
-    if !is_size(clip.size) {
-        return Err(RetargetError::SourceSize { width, height });
-    }
-    if !is_size(out) {
-        return Err(RetargetError::TargetSize { width: out.0, height: out.1 });
-    }
     let scale = (out.0 as f64 / width as f64, out.1 as f64 / height as f64);
     let kept = kept_share(scale, options.crop_below);
     let fraction = if scale.0 < scale.1 { (kept, 1.0) } else { (1.0, kept) };
@@ -222,7 +218,7 @@ impl Shape {
         frames: &Range<usize>,
         options: &ClipRetargetOptions,
         run: &Run,
-    ) -> Result<ShotGrids, RetargetError> {
+    ) -> Result<ShotGrids, PhotoError> {
         let followed = Followed::new(clip, importance, frames, options.follow_s);
         let starts = self.window_path(&followed, run)?;
         let grid = self.grid();
@@ -244,7 +240,7 @@ impl Shape {
     }
 
     /// Where the window starts at each moment.
-    fn window_path(&self, followed: &Followed, run: &Run) -> Result<Vec<f64>, RetargetError> {
+    fn window_path(&self, followed: &Followed, run: &Run) -> Result<Vec<f64>, PhotoError> {
         let kept = self.kept();
         if kept >= 1.0 {
             return Ok(vec![0.0; followed.frames.len()]);

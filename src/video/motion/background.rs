@@ -21,7 +21,7 @@
 
 use plumbline_num::math::{Point2, Vec2};
 
-use super::frame_motion::TrackPoint;
+use crate::track::Observation;
 
 /// Columns and rows of cells. 16×9 cells are about the size of a face in a half-length portrait; finer ones have too few
 /// points, coarser ones mix a person with the background beside.
@@ -104,7 +104,7 @@ impl Background {
 
     /// Replaces the live tracks by those of this frame. `residual(k)` is the residual vector, px, of the `k`-th old track,
     /// where it is observed and a motion was measured; `spread_px` the background's spread of residuals.
-    pub(super) fn advance(&mut self, points: &[TrackPoint], residuals: &[Option<Vec2>], spread_px: f64) {
+    pub(super) fn advance(&mut self, points: &[Observation], residuals: &[Option<Vec2>], spread_px: f64) {
         let drift_spread = self.accumulate_drift(residuals, spread_px);
         for (track, residual) in self.tracks.iter_mut().zip(residuals) {
             if let Some(r) = residual {
@@ -148,7 +148,7 @@ impl Background {
     }
 
     /// Replaces the tracks by the points of this frame: known ids keep their state, new ones get the score of their surroundings.
-    fn replace_tracks(&mut self, points: &[TrackPoint]) {
+    fn replace_tracks(&mut self, points: &[Observation]) {
         let mut next: Vec<Track> = points
             .iter()
             .filter(|p| p.x.is_finite() && p.y.is_finite())

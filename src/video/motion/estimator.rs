@@ -22,9 +22,10 @@ use plumbline_num::optim::ransac::{self, MsacOptions};
 use plumbline_num::run::Run;
 
 use super::background::{Background, weighted_median};
-use super::frame_motion::{FrameInput, FrameMotion, MotionQuality, PlanarModel};
+use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 use super::planar::{ByHomography, BySimilarity, PlanarData, RecentPath};
 use super::planar_fit::{self, FrameScale, Pair};
+use crate::track::FrameTracks;
 
 /// Frames of this many px across have the thresholds below in px; others in proportion.
 const REFERENCE_WIDTH: f64 = 640.0;
@@ -45,25 +46,14 @@ const MAX_FROM_SIMILARITY: f64 = 0.08;
 /// Score from which a track counts as background: below that of a new track, which is 0.5 without neighbors.
 const BACKGROUND_SCORE: f64 = 0.4;
 
-/// Options of [`MotionEstimator`].
-#[derive(Clone, Copy, Debug)]
-pub struct MotionOptions {
-    /// Seed of the sampler.
-    pub seed: u64,
-    /// Greatest number of minimal samples of MSAC; each costs about 0.5 µs per point.
-    pub max_samples: usize,
-}
-
-impl Default for MotionOptions {
-    fn default() -> Self {
-        Self { seed: 0x9e37_79b9, max_samples: 160 }
-    }
-}
+/// Seed of the sampler.
+const SEED: u64 = 0x9e37_79b9;
+/// Greatest number of minimal samples of MSAC for a similarity; each costs about 0.5 µs per point.
+const MAX_SAMPLES: usize = 160;
 
 /// Estimates the motion of the background from frame to frame; see the module.
 #[derive(Debug)]
 pub struct MotionEstimator {
-    options: MotionOptions,
     scale: FrameScale,
     unit_px: f64,
     world: Background,
@@ -101,15 +91,14 @@ struct Fit {
 
 impl MotionEstimator {
     /// An estimator for frames of `width × height` px.
-    pub fn new(width: u32, height: u32, options: MotionOptions) -> Self {
+    pub fn new(width: u32, height: u32) -> Self {
         let unit_px = f64::from(width.max(height)).max(1.0) / REFERENCE_WIDTH;
         Self {
-            options,
             scale: FrameScale::new(width, height),
             unit_px,
             world: Background::new(width, height),
             path: RecentPath::new(width, height, unit_px),
-            rng: fastrand::Rng::with_seed(options.seed),
+            rng: fastrand::Rng::with_seed(SEED),
             spreads: (unit_px, 0.3 * unit_px),
             started: false,
             background: Vec::new(),
@@ -119,20 +108,20 @@ impl MotionEstimator {
     }
 
     /// Takes the next frame and returns the motion that leads to it from the previous one.
-    pub fn push(&mut self, frame: FrameInput<'_>) -> FrameMotion {
-        if frame.flags.cut_before || !self.started {
+    pub fn push(&mut self, frame: &FrameTracks) -> FrameMotion {
+        if frame.quality.starts_shot() || !self.started {
             self.started = true;
-            return self.start_shot(&frame);
+            return self.start_shot(frame);
         }
-        self.match_points(&frame);
-        if frame.flags.duplicate {
+        self.match_points(frame);
+        if frame.quality.duplicate {
             let points = self.matches.pairs.len() as u32;
-            self.finish(&frame, None);
+            self.finish(frame, None);
             return FrameMotion { points, inliers: points, ..FrameMotion::still(frame.pts, MotionQuality::Duplicate) };
         }
-        let fit = if frame.flags.black { None } else { self.measure() };
-        let motion = self.report(&frame, fit.as_ref());
-        self.finish(&frame, fit.as_ref());
+        let fit = if frame.quality.black { None } else { self.measure() };
+        let motion = self.report(frame, fit.as_ref());
+        self.finish(frame, fit.as_ref());
         motion
     }
 
@@ -146,7 +135,7 @@ impl MotionEstimator {
         &self.still_pairs
     }
 
-    fn start_shot(&mut self, frame: &FrameInput<'_>) -> FrameMotion {
+    fn start_shot(&mut self, frame: &FrameTracks) -> FrameMotion {
         self.world.clear();
         self.path.clear();
         self.matches.clear();
@@ -154,10 +143,10 @@ impl MotionEstimator {
         FrameMotion::still(frame.pts, MotionQuality::ShotStart)
     }
 
-    fn match_points(&mut self, frame: &FrameInput<'_>) {
+    fn match_points(&mut self, frame: &FrameTracks) {
         let matches = &mut self.matches;
         matches.clear();
-        let mut order: Vec<_> = frame.points.iter().filter(|p| p.x.is_finite() && p.y.is_finite()).collect();
+        let mut order: Vec<_> = frame.observations.iter().filter(|p| p.x.is_finite() && p.y.is_finite()).collect();
         order.sort_by_key(|p| p.id);
         order.dedup_by_key(|p| p.id);
         let mut fresh = order.into_iter().peekable();
@@ -186,7 +175,7 @@ impl MotionEstimator {
         };
         let unit = self.unit_px;
         let options = |threshold, max_samples| MsacOptions { threshold, min_samples: 24, max_samples, local_steps: 3 };
-        let wide = options((4.0 * self.spreads.0).clamp(1.0 * unit, 6.0 * unit), self.options.max_samples);
+        let wide = options((4.0 * self.spreads.0).clamp(1.0 * unit, 6.0 * unit), MAX_SAMPLES);
         let coarse = ransac::msac(
             &BySimilarity(&data),
             &self.matches.prior_weights,
@@ -197,7 +186,7 @@ impl MotionEstimator {
         )
         .expect("a run that never stops")?;
         let initial = coarse.model.to_homography();
-        let narrow = options((5.0 * self.spreads.1).clamp(0.8 * unit, 4.0 * unit), self.options.max_samples / 3);
+        let narrow = options((5.0 * self.spreads.1).clamp(0.8 * unit, 4.0 * unit), MAX_SAMPLES / 3);
         let family = ByHomography { data: &data, initial, kappa: self.kappa(self.spreads.1) };
         let fine =
             ransac::msac(&family, &self.matches.prior_weights, &narrow, Some(initial), &mut self.rng, &Run::default())
@@ -280,7 +269,7 @@ impl MotionEstimator {
         ends.iter().all(|&(x, y)| (corner(&h, x, y) - corner(&s, x, y)).norm() < MAX_FROM_SIMILARITY)
     }
 
-    fn report(&self, frame: &FrameInput<'_>, fit: Option<&Fit>) -> FrameMotion {
+    fn report(&self, frame: &FrameTracks, fit: Option<&Fit>) -> FrameMotion {
         let points = self.matches.pairs.len() as u32;
         let Some(fit) = fit else {
             return FrameMotion { points, ..FrameMotion::still(frame.pts, MotionQuality::Lost) };
@@ -313,7 +302,7 @@ impl MotionEstimator {
     }
 
     /// Updates the running state and marks the background points of this frame.
-    fn finish(&mut self, frame: &FrameInput<'_>, fit: Option<&Fit>) {
+    fn finish(&mut self, frame: &FrameTracks, fit: Option<&Fit>) {
         let mut residuals = vec![None; self.world.tracks().len()];
         if let Some(fit) = fit {
             for (k, r) in self.matches.residuals(&fit.homography) {
@@ -340,10 +329,10 @@ impl MotionEstimator {
             .filter(|(_, r)| r.is_some_and(|r| !(r.norm() < limit)))
             .map(|(t, _)| t.id)
             .collect();
-        self.world.advance(frame.points, &residuals, spread);
+        self.world.advance(&frame.observations, &residuals, spread);
         let tracks = self.world.tracks();
         self.background.clear();
-        self.background.extend(frame.points.iter().map(|p| {
+        self.background.extend(frame.observations.iter().map(|p| {
             let background =
                 tracks.binary_search_by_key(&p.id, |t| t.id).is_ok_and(|k| tracks[k].score >= BACKGROUND_SCORE);
             background && outlying.binary_search(&p.id).is_err()

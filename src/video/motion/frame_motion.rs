@@ -1,43 +1,7 @@
-//! Input and output of the motion estimator: the tracked points of a frame, and the motion from the previous frame.
+//! The motion from the previous frame to a frame.
 
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::time::Timestamp;
-
-/// A tracked point in one frame; the same `id` in two frames is the same point of the scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TrackPoint {
-    /// Identity along the track.
-    pub id: u32,
-    /// Position, source px.
-    pub x: f32,
-    /// Position, source px.
-    pub y: f32,
-}
-
-/// Classification of a frame by the tracker.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[allow(clippy::struct_excessive_bools, reason = "independent findings, in any combination")]
-pub struct FrameFlags {
-    /// Too dark or too uniform for features.
-    pub black: bool,
-    /// The same picture as the previous frame.
-    pub duplicate: bool,
-    /// Much softer than its neighbors.
-    pub blurred: bool,
-    /// A new shot starts here.
-    pub cut_before: bool,
-}
-
-/// One frame for [`super::MotionEstimator::push`].
-#[derive(Clone, Copy, Debug)]
-pub struct FrameInput<'a> {
-    /// Presentation time.
-    pub pts: Timestamp,
-    /// Verdict on the whole frame.
-    pub flags: FrameFlags,
-    /// The tracked points, in any order, each id once.
-    pub points: &'a [TrackPoint],
-}
 
 /// The simplest model that explains the motion to a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

@@ -15,12 +15,11 @@ mod verdict;
 
 pub use cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
 pub use clip::{ClipMotion, MAX_BRIDGE};
-pub use estimator::{MotionEstimator, MotionOptions};
-#[cfg(feature = "schema")]
+pub use estimator::MotionEstimator;
 #[cfg(feature = "schema")]
 pub use file::motion_file_schema;
 pub use file::{FORMAT, MotionFileError, VERSION};
-pub use frame_motion::{FrameFlags, FrameInput, FrameMotion, MotionQuality, PlanarModel, TrackPoint};
-pub use planar_fit::{FrameScale, Pair, homography, homography_dlt, homography_of_four, similarity};
+pub use frame_motion::{FrameMotion, MotionQuality, PlanarModel};
+pub use planar_fit::{FrameScale, Pair, homography, homography_of_four, similarity};
 pub use rolling_shutter::{Readout, ReadoutEstimator, RowMotion};
 pub use verdict::{MotionModel, SegmentVerdict, verdicts};

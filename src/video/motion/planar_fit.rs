@@ -2,7 +2,7 @@
 //!
 //! Similarity: `min Σ wᵢ ‖[a −b; b a] pᵢ + t − qᵢ‖²`, linear in all four parameters, solved in closed form.
 //!
-//! Homography: the direct linear transform gives the initial guess, and Gauss–Newton minimizes
+//! Homography: the one through four pairs, or the similarity, is the initial guess, and Gauss–Newton minimizes
 //!
 //! ```text
 //! Σ wᵢ ‖π(H pᵢ) − qᵢ‖² + κ ‖(h₁₁ − h₂₂, h₁₂ + h₂₁, h₃₁, h₃₂)‖²
@@ -13,7 +13,7 @@
 //! `κ = 0` the fit is plain least squares of the transfer error.
 //!
 //! # Reference
-//! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 4.1 and 4.4 (DLT and its normalization).
+//! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., section 4.1.
 
 use nalgebra::{Matrix3, SMatrix, SVector};
 
@@ -122,51 +122,6 @@ pub fn homography_of_four(pairs: [Pair; 4], scale: &FrameScale) -> Option<Homogr
     let h = a.lu().solve(&rhs)?;
     let m = matrix_of(&h);
     (is_sane(&m)).then(|| scale.pixel_map(&m))
-}
-
-/// The direct linear transform on all pairs: weighted *algebraic* least squares, normalized by centroid and spread.
-///
-/// Needs four points in general position; the result is an initial guess of [`homography`] and exact for exact data.
-pub fn homography_dlt(pairs: &[Pair], weights: &[f64]) -> Option<Homography> {
-    let (src, dst) = (hartley(pairs, weights, |p| p.previous)?, hartley(pairs, weights, |p| p.this)?);
-    let mut normal = SMatrix::<f64, 9, 9>::zeros();
-    for (pair, &w) in pairs.iter().zip(weights) {
-        if !(w > 0.0) {
-            continue;
-        }
-        let p = src * pair.previous.coords.push(1.0);
-        let q = dst * pair.this.coords.push(1.0);
-        #[rustfmt::skip]
-        let rows = [
-            SVector::<f64, 9>::from([p.x, p.y, 1.0, 0.0, 0.0, 0.0, -q.x * p.x, -q.x * p.y, -q.x]),
-            SVector::<f64, 9>::from([0.0, 0.0, 0.0, p.x, p.y, 1.0, -q.y * p.x, -q.y * p.y, -q.y]),
-        ];
-        for row in rows {
-            normal.ger(w, &row, &row, 1.0);
-        }
-    }
-    let eigen = normal.symmetric_eigen();
-    let smallest = eigen.eigenvalues.imin();
-    let largest = eigen.eigenvalues.max();
-    let second = eigen.eigenvalues.iter().enumerate().filter(|(i, _)| *i != smallest).map(|(_, v)| *v);
-    // A second null direction means points on a line: the solution is not unique.
-    if !(second.fold(f64::INFINITY, f64::min) > 1e-10 * largest) {
-        return None;
-    }
-    let h = eigen.eigenvectors.column(smallest);
-    let m = Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8]);
-    let h = Homography::new(dst.try_inverse()? * m * src);
-    h.is_finite().then_some(h)
-}
-
-/// Translation and scale that bring the weighted centroid to 0 and the root mean square distance to √2.
-fn hartley(pairs: &[Pair], weights: &[f64], point: impl Fn(&Pair) -> Point2) -> Option<Matrix3<f64>> {
-    let total: f64 = weights.iter().sum();
-    let sum = |f: &dyn Fn(Point2) -> Vec2| pairs.iter().zip(weights).map(|(p, w)| *w * f(point(p))).sum::<Vec2>();
-    let mean = sum(&|p| p.coords) / total;
-    let spread = sum(&|p| Vec2::new((p.coords - mean).norm_squared(), 0.0)).x / total;
-    let s = (2.0 / spread).sqrt();
-    (s.is_finite() && s > 0.0).then(|| Matrix3::new(s, 0.0, -mean.x * s, 0.0, s, -mean.y * s, 0.0, 0.0, 1.0))
 }
 
 /// Gauss–Newton on the weighted transfer error from the initial guess `initial`, with the regularization `kappa` of the module's

@@ -44,6 +44,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use plumbline_num::math::{Homography, Similarity2};
+use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
 pub use camera_path::{PathShape, SeenPoint, shaped_poses};
@@ -149,6 +150,22 @@ pub struct PathOptions {
 }
 
 impl PathOptions {
+    /// Refuses options out of range.
+    pub(crate) fn check(&self) -> Result<(), PathError> {
+        for (name, value, valid, range) in [
+            ("smoothness", self.smoothness_s, 0.05..=30.0, "0.05 to 30"),
+            ("keep", self.keep, 0.3..=1.0, "0.3 to 1"),
+            ("reserve", self.reserve, 0.0..=0.1, "0 to 0.1"),
+        ] {
+            OptionError::check(valid.contains(&value), name, value, range)?;
+        }
+        if self.zoom == Zoom::None && !self.border_allows_outside {
+            let remedy = "allow the border to show, or choose zoom `fixed` or `adaptive`";
+            return Err(PathError::Options(format!("zoom `none` leaves no room to move the picture: {remedy}")));
+        }
+        Ok(())
+    }
+
     /// Size of the rectangle that the frame must cover, relative to the output.
     fn window(&self) -> f64 {
         if self.border_allows_outside { self.keep } else { (1.0 + self.reserve).min(1.0 / self.keep) }
@@ -213,44 +230,19 @@ pub struct VirtualPath {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
-    /// An option is outside its range.
-    #[error("{option} {value} is invalid (expected {low} to {high})")]
-    Option {
-        /// Name of the option.
-        option: &'static str,
-        /// Value given.
-        value: f64,
-        /// Smallest allowed value.
-        low: f64,
-        /// Largest allowed value.
-        high: f64,
-    },
-    /// `Zoom::None` with a border that must not show.
-    #[error(
-        "zoom `none` leaves no room to move the picture: allow the border to show, or choose zoom `fixed` or `adaptive`"
-    )]
-    NoRoom,
-    /// The frame has no area.
-    #[error("frame size {width}x{height} is invalid (expected at least 1x1)")]
-    Size {
-        /// Width given, px.
-        width: u32,
-        /// Height given, px.
-        height: u32,
-    },
-    /// The parts of the clip disagree about its length.
-    #[error(
-        "the clip has {times} timestamps, {motions} motions and shots that cover {covered} frames: expected equal numbers and shots in order"
-    )]
-    Lengths {
-        /// Timestamps given.
-        times: usize,
-        /// Motions given.
-        motions: usize,
-        /// Frames covered by shots that follow each other.
-        covered: usize,
-    },
+    /// An option is out of its range, or the options leave no room to move the picture.
+    #[error("{0}")]
+    Options(String),
+    /// A frame without area, or parts of the clip that disagree about its length.
+    #[error("{0}")]
+    Input(String),
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
+}
+
+impl From<OptionError> for PathError {
+    fn from(error: OptionError) -> Self {
+        Self::Options(error.to_string())
+    }
 }

@@ -40,8 +40,8 @@ const CENTER: f64 = 1e-3;
 /// The virtual path of a clip.
 ///
 /// # Errors
-/// [`PathError::Option`], [`PathError::Size`], [`PathError::Lengths`] and [`PathError::NoRoom`] for invalid input. A shot
-/// whose program cannot be solved is left unchanged, and its segment reports it. [`PathError::Interrupted`].
+/// [`PathError::Options`], [`PathError::Input`] for invalid input. A shot whose program cannot be solved is left unchanged, and
+/// its segment reports it. [`PathError::Interrupted`].
 pub fn plan(clip: &Clip<'_>, options: &PathOptions, run: &Run) -> Result<VirtualPath, PathError> {
     validate(clip, options)?;
     let units = FrameUnits::new(clip.width, clip.height);
@@ -52,7 +52,7 @@ pub fn plan(clip: &Clip<'_>, options: &PathOptions, run: &Run) -> Result<Virtual
 /// the frame with the largest window allowed.
 ///
 /// # Errors
-/// As for [`plan`]; [`PathError::Lengths`] also for a different number of target maps.
+/// As for [`plan`]; [`PathError::Input`] also for a different number of target maps.
 pub fn plan_along(
     clip: &Clip<'_>,
     options: &PathOptions,
@@ -90,7 +90,13 @@ pub(super) fn window_of(units: &FrameUnits, out_from_src: &Similarity2) -> Pose 
 
 pub(super) fn expect_one_per_frame(clip: &Clip<'_>, covered: usize) -> Result<(), PathError> {
     let (times, motions) = (clip.times_s.len(), clip.motion.len());
-    if covered == times { Ok(()) } else { Err(PathError::Lengths { times, motions, covered }) }
+    if times == motions && covered == times {
+        return Ok(());
+    }
+    Err(PathError::Input(format!(
+        "the clip has {times} timestamps, {motions} motions and shots that cover {covered} frames: expected equal numbers and \
+         shots in order"
+    )))
 }
 
 pub(super) fn plan_shots(
@@ -308,27 +314,13 @@ fn mean(x: &[f64]) -> f64 {
 }
 
 pub(super) fn validate(clip: &Clip<'_>, options: &PathOptions) -> Result<(), PathError> {
-    for (option, value, low, high) in [
-        ("smoothness", options.smoothness_s, 0.05, 30.0),
-        ("keep", options.keep, 0.3, 1.0),
-        ("reserve", options.reserve, 0.0, 0.1),
-    ] {
-        if !(value >= low && value <= high) {
-            return Err(PathError::Option { option, value, low, high });
-        }
-    }
-    if options.zoom == Zoom::None && !options.border_allows_outside {
-        return Err(PathError::NoRoom);
-    }
+    options.check()?;
     if clip.width == 0 || clip.height == 0 {
-        return Err(PathError::Size { width: clip.width, height: clip.height });
+        let size = format!("{}x{}", clip.width, clip.height);
+        return Err(PathError::Input(format!("frame size {size} is invalid (expected at least 1x1)")));
     }
     let covered = clip.shots.iter().try_fold(0, |end, s| (s.start == end && s.end > end).then_some(s.end));
-    let (times, motions) = (clip.times_s.len(), clip.motion.len());
-    if times != motions || covered != Some(times) {
-        return Err(PathError::Lengths { times, motions, covered: covered.unwrap_or(0) });
-    }
-    Ok(())
+    expect_one_per_frame(clip, covered.unwrap_or(0))
 }
 
 #[cfg(test)]

@@ -71,7 +71,7 @@ impl<'a> FrameMaps<'a> {
     /// time.
     ///
     /// # Errors
-    /// [`StabilizeError::Grid`]: the options of the warp.
+    /// [`StabilizeError::Options`]: the options of the warp.
     pub fn new(inputs: &RenderInputs<'a>, models: &'a FrameModels) -> Result<Self, StabilizeError> {
         let (cols, rows) = (inputs.warp.columns as usize, inputs.warp.rows as usize);
         let (width, height) = (inputs.tracks.width as f64, inputs.tracks.height as f64);
@@ -93,7 +93,7 @@ impl<'a> FrameMaps<'a> {
     /// The map of the next frame, whose picture is `frame`: from output pixels to source pixels.
     ///
     /// # Errors
-    /// [`StabilizeError::TooManyFrames`], [`StabilizeError::Store`], [`StabilizeError::Warp`], [`StabilizeError::Map`].
+    /// [`StabilizeError::Input`] beyond the last frame; [`StabilizeError::Store`], [`StabilizeError::Warp`].
     pub fn next(&mut self, frame: &Frame) -> Result<WarpField, StabilizeError> {
         self.next_field(Some(frame))
     }
@@ -126,7 +126,7 @@ impl<'a> FrameMaps<'a> {
             ForwardMap::Plane(camera) => WarpField::from_forward_homography(&camera),
             ForwardMap::Mesh(mesh) => WarpField::from_forward_mesh(&mesh, self.grid.width, self.grid.height),
         };
-        field.map_err(|source| StabilizeError::Map { frame: index, source })
+        field.map_err(|e| StabilizeError::Warp { frame: index, reason: e.to_string() })
     }
 
     /// The map of the next frame; without its picture, all parts of it have the same saliency.
@@ -134,7 +134,8 @@ impl<'a> FrameMaps<'a> {
         let index = self.next;
         self.next += 1;
         let path = self.inputs.path;
-        let ahead = || StabilizeError::TooManyFrames { analyzed: path.out_from_src.len() };
+        let analyzed = path.out_from_src.len();
+        let ahead = || StabilizeError::Input(format!("the clip has more frames than were analyzed ({analyzed})"));
         let camera = *path.out_from_src.get(index).ok_or_else(ahead)?;
         let anchors = self.anchors_in_space(index)?;
         let strength = |with: fn(MotionModel) -> bool| self.models.strength(index, with);
@@ -150,7 +151,7 @@ impl<'a> FrameMaps<'a> {
         }
         let mut solve = || {
             let solved = self.solver.solve(frame, &camera, &anchors, strengths);
-            solved.map_err(|source| StabilizeError::Warp { frame: index, source })
+            solved.map_err(|e| StabilizeError::Warp { frame: index, reason: e.to_string() })
         };
         let mut mesh = match rotated {
             Some(rotated) if rotation >= 1.0 => rotated,

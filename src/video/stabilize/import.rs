@@ -20,7 +20,7 @@ const MAX_RATE_DIFFERENCE: f64 = 0.1;
 const MAX_MODELS: usize = 10_000;
 
 fn refused(path: &Path, reason: impl std::fmt::Display) -> StabilizeError {
-    StabilizeError::MotionFile { path: path.to_owned(), reason: reason.to_string() }
+    StabilizeError::Input(format!("{}: {reason}", path.display()))
 }
 
 /// A motion file (`plumbline.motion`) that was read.
@@ -34,7 +34,7 @@ impl MotionFile {
     /// Reads the file.
     ///
     /// # Errors
-    /// [`StabilizeError::MotionFile`]: it cannot be read, or is none.
+    /// [`StabilizeError::Input`]: it cannot be read, or is none.
     pub fn read(path: &Path) -> Result<Self, StabilizeError> {
         let file = File::open(path).map_err(|e| refused(path, format!("cannot be read: {e}")))?;
         let (motion, store) = ClipMotion::read_json(file).map_err(|e| refused(path, e))?;
@@ -44,7 +44,7 @@ impl MotionFile {
     /// Refuses a file of another size than the clip's.
     ///
     /// # Errors
-    /// [`StabilizeError::MotionFile`].
+    /// [`StabilizeError::Input`].
     pub fn check_size(&self, info: &ClipInfo) -> Result<(), StabilizeError> {
         let (w, h) = (self.motion.width as usize, self.motion.height as usize);
         let (clip_w, clip_h) = (info.width, info.height);
@@ -67,7 +67,7 @@ impl MotionFile {
     /// Refuses motion of other frames than the clip's, which are shown at `times`.
     ///
     /// # Errors
-    /// [`StabilizeError::MotionFile`].
+    /// [`StabilizeError::Input`].
     pub fn check_times(&self, times: &[Timestamp], info: &ClipInfo) -> Result<(), StabilizeError> {
         let (found, frames) = (self.motion.frames.len(), times.len());
         if found != frames {
@@ -140,11 +140,11 @@ impl ImportedModels {
     /// Reads the model in `folder`, or those in its numbered folders where it contains none.
     ///
     /// # Errors
-    /// [`StabilizeError::Model`], [`StabilizeError::MotionFile`]: no model, or one that cannot be used.
+    /// [`StabilizeError::Input`]: no model, or one that cannot be used.
     pub fn read(folder: &Path) -> Result<Self, StabilizeError> {
         let models = folders_of(folder).iter().map(|f| Model::read(f)).collect::<Result<Vec<_>, ColmapError>>();
         let models = models.map_err(|source| match source {
-            ColmapError::Io { .. } | ColmapError::NoModel { .. } => StabilizeError::Model { source },
+            ColmapError::Io { .. } | ColmapError::NoModel { .. } => StabilizeError::Input(source.to_string()),
             _ => refused(folder, source),
         })?;
         Ok(Self { folder: folder.to_owned(), models })
@@ -153,7 +153,7 @@ impl ImportedModels {
     /// Cameras and points of the models, and the motion that the points imply, for a clip whose frames are shown at `times`.
     ///
     /// # Errors
-    /// [`StabilizeError::MotionFile`]: the models are of another clip; [`StabilizeError::Store`].
+    /// [`StabilizeError::Input`]: the models are of another clip; [`StabilizeError::Store`].
     pub fn motion(&self, times: &[Timestamp], info: &ClipInfo) -> Result<ImportedMotion, StabilizeError> {
         let size = (info.width as u32, info.height as u32);
         let found = ImportedClip::new(&self.models, times.len(), size).map_err(|e| refused(&self.folder, e))?;

@@ -3,10 +3,7 @@
 use super::error::StabilizeError;
 use super::source::ClipInfo;
 use super::tracks::Tracks;
-use crate::motion::{
-    ClipMotion, FrameFlags, FrameInput, FrameMotion, MotionEstimator, MotionOptions, MotionQuality, ReadoutEstimator,
-    TrackPoint,
-};
+use crate::motion::{ClipMotion, FrameMotion, MotionEstimator, MotionQuality, ReadoutEstimator};
 use crate::track::{FrameTracks, TrackStore};
 
 /// Estimators of motion and readout time, and the store of the tracks.
@@ -17,30 +14,20 @@ pub(super) struct MotionMeasurement {
     readout: ReadoutEstimator,
     store: TrackStore,
     motion: Vec<FrameMotion>,
-    points: Vec<TrackPoint>,
 }
 
 impl MotionMeasurement {
     /// An empty measurement of pictures of `size` px.
     pub(super) fn new(size: (usize, usize)) -> Result<Self, StabilizeError> {
         let (width, height) = (size.0 as u32, size.1 as u32);
-        let estimator = MotionEstimator::new(width, height, MotionOptions::default());
+        let estimator = MotionEstimator::new(width, height);
         let readout = ReadoutEstimator::new(height);
-        Ok(Self { size, estimator, readout, store: TrackStore::new()?, motion: Vec::new(), points: Vec::new() })
+        Ok(Self { size, estimator, readout, store: TrackStore::new()?, motion: Vec::new() })
     }
 
     /// Measures the motion to a frame, marks its points of the background, and stores both.
     pub(super) fn push(&mut self, mut tracks: FrameTracks) -> Result<(), StabilizeError> {
-        self.points.clear();
-        self.points.extend(tracks.observations.iter().map(|o| TrackPoint { id: o.id, x: o.x, y: o.y }));
-        let q = tracks.quality;
-        let flags = FrameFlags {
-            black: q.black,
-            duplicate: q.duplicate,
-            blurred: q.blurred,
-            cut_before: q.cut_before && q.bridged == 0,
-        };
-        let motion = self.estimator.push(FrameInput { pts: tracks.pts, flags, points: &self.points });
+        let motion = self.estimator.push(&tracks);
         for (observation, &background) in tracks.observations.iter_mut().zip(self.estimator.background()) {
             observation.background = background;
         }

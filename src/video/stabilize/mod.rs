@@ -94,7 +94,7 @@ mod tracks;
 mod warp_solver;
 
 pub use camera_recovery::complete_motion;
-pub use error::{StabilizeError, StabilizeFault};
+pub use error::StabilizeError;
 pub use frame_maps::{FrameMaps, RenderInputs};
 pub use frame_models::FrameModels;
 pub use import::{ImportedModels, ImportedMotion, MotionFile};

@@ -72,7 +72,7 @@ pub(super) fn select_path(
 /// is worse than the next simpler one is replaced by it.
 ///
 /// # Errors
-/// [`StabilizeError::Store`], [`StabilizeError::Grid`], [`StabilizeError::Warp`], [`StabilizeError::Interrupted`].
+/// [`StabilizeError::Store`], [`StabilizeError::Options`], [`StabilizeError::Warp`], [`StabilizeError::Interrupted`].
 pub fn select_models(inputs: &RenderInputs<'_>, run: &Run) -> Result<FrameModels, StabilizeError> {
     let mut models = FrameModels::new(inputs.warp.mode, inputs.motion, inputs.path);
     let is_mesh = |s: &SegmentVerdict| s.model == MotionModel::Mesh;

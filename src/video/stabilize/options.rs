@@ -12,6 +12,7 @@ use super::error::StabilizeError;
 use super::rolling_shutter::RollingShutter;
 use crate::path::{PathKind, PathOptions, PathShape, Zoom};
 use crate::track::TrackOptions;
+use plumbline_num::options::OptionError;
 
 /// Options of [`Stabilizer`](super::Stabilizer), step by step.
 ///
@@ -52,17 +53,12 @@ impl StabilizerOptions {
     /// Whether every value is in its range.
     ///
     /// # Errors
-    /// [`StabilizeError::Option`] for the first one that is not.
+    /// [`StabilizeError::Options`] for the first one that is not.
     pub fn check(&self) -> Result<(), StabilizeError> {
         self.track.check()?;
-        self.path.check()?;
-        self.warp.check()
+        self.path.in_picture().check()?;
+        Ok(self.warp.check()?)
     }
-}
-
-/// Refuses a value outside `low..=high`; NaN is outside.
-fn in_range(option: &'static str, value: f64, (low, high): (f64, f64)) -> Result<(), StabilizeError> {
-    if value >= low && value <= high { Ok(()) } else { Err(StabilizeError::Option { option, value, low, high }) }
 }
 
 /// Feature tracking.
@@ -85,8 +81,9 @@ impl Default for TrackingOptions {
 }
 
 impl TrackingOptions {
-    fn check(&self) -> Result<(), StabilizeError> {
-        in_range("points", f64::from(self.points), (50.0, 20_000.0))
+    fn check(&self) -> Result<(), OptionError> {
+        let valid = (50..=20_000).contains(&self.points);
+        OptionError::check(valid, "points", f64::from(self.points), "50 to 20000")
     }
 }
 
@@ -227,13 +224,6 @@ impl SmoothingOptions {
         self.zoom == Zoom::None && self.keep_inside
     }
 
-    fn check(&self) -> Result<(), StabilizeError> {
-        in_range("smoothness", self.smoothness, (0.05, 30.0))?;
-        in_range("keep", self.keep, (0.3, 1.0))?;
-        in_range("reserve", self.reserve, (0.0, 0.1))?;
-        if self.leaves_no_room() { Err(crate::path::PathError::NoRoom.into()) } else { Ok(()) }
-    }
-
     /// The same for the planner of paths in the picture.
     pub(super) fn in_picture(&self) -> PathOptions {
         PathOptions {
@@ -301,10 +291,11 @@ impl WarpOptions {
     /// noise of single tracks begins to show.
     const ALPHA: f64 = 0.8;
 
-    fn check(&self) -> Result<(), StabilizeError> {
-        in_range("columns", f64::from(self.columns), (2.0, 256.0))?;
-        in_range("rows", f64::from(self.rows), (2.0, 256.0))?;
-        in_range("alpha", self.alpha, (0.001, 1_000_000.0))
+    fn check(&self) -> Result<(), OptionError> {
+        for (name, cells) in [("columns", self.columns), ("rows", self.rows)] {
+            OptionError::check((2..=256).contains(&cells), name, f64::from(cells), "2 to 256")?;
+        }
+        OptionError::check((0.001..=1e6).contains(&self.alpha), "alpha", self.alpha, "0.001 to 1000000")
     }
 }
 

@@ -79,7 +79,7 @@ pub(super) struct AlignedPath {
 
 /// Reads a path file for a clip whose frames are shown at `times_s`.
 pub(super) fn read(path: &Path, cameras: &ClipCameras, times_s: &[f64]) -> Result<AlignedPath, StabilizeError> {
-    let bad = |reason: String| StabilizeError::PathFile { path: path.to_owned(), reason };
+    let bad = |reason: String| StabilizeError::Input(format!("{}: {reason}", path.display()));
     let bytes = std::fs::read(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
     let document: Document = serde_json::from_slice(&bytes).map_err(|e| bad(format!("not a path file: {e}")))?;
     let poses = |name: &str, entries: &[Entry]| {

@@ -27,7 +27,7 @@ const MIN_RUN: usize = 45;
 /// Plans the path of the virtual camera for a clip; without its `tracks`, in the picture alone.
 ///
 /// # Errors
-/// [`StabilizeError::Path`], [`StabilizeError::PathFile`], [`StabilizeError::PathFileWithoutCameras`],
+/// [`StabilizeError::Options`], [`StabilizeError::Input`], [`StabilizeError::PathFileWithoutCameras`],
 /// [`StabilizeError::Store`], [`StabilizeError::Interrupted`].
 pub fn plan_path(
     motion: &ClipMotion,
@@ -190,8 +190,8 @@ impl<'a> Planner<'a> {
         let scene = ScenePoints::new(cameras, self.motion);
         let views = Views::new(tracks, &scene, &target, &self.times_s, self.run)?;
         if views.known() == 0 {
-            let reason = "the target cameras see none of the points that the clip's cameras saw".to_owned();
-            return Err(StabilizeError::PathFile { path: file.to_owned(), reason });
+            let reason = "the target cameras see none of the points that the clip's cameras saw";
+            return Err(StabilizeError::Input(format!("{}: {reason}", file.display())));
         }
         let mut path =
             path::plan_along(&self.clip(&self.steps), &self.options.in_picture(), &views.out_from_src(), self.run)?;

@@ -55,7 +55,7 @@ impl Stabilizer {
     /// A stabilizer with these options.
     ///
     /// # Errors
-    /// [`StabilizeError::Option`] or [`StabilizeError::Path`] for a value out of range.
+    /// [`StabilizeError::Options`] for a value out of range.
     pub fn new(options: StabilizerOptions) -> Result<Self, StabilizeError> {
         options.check()?;
         Ok(Self { options })
@@ -78,7 +78,7 @@ impl Stabilizer {
     /// Reads the clip once: tracks points through its frames and estimates the camera's motion.
     ///
     /// # Errors
-    /// [`StabilizeError::Frames`], [`StabilizeError::NoFrames`]: the source; [`StabilizeError::Mask`]: the mask;
+    /// [`StabilizeError::Frames`]: the source; [`StabilizeError::Input`]: no frame, or a mask that cannot be used;
     /// [`StabilizeError::Store`]: the temporary folder; [`StabilizeError::Interrupted`].
     pub fn analyze<S: FrameSource>(&self, source: &S, run: &Run) -> Result<Analysis, StabilizeError> {
         let info = source.info();
@@ -93,7 +93,7 @@ impl Stabilizer {
     /// frames are read only where `source` does not know their number and rate.
     ///
     /// # Errors
-    /// [`StabilizeError::MotionFile`], [`StabilizeError::Model`]: the file; otherwise as for [`Self::analyze`].
+    /// [`StabilizeError::Input`]: the file; otherwise as for [`Self::analyze`].
     pub fn import<S: FrameSource>(&self, path: &Path, source: &S, run: &Run) -> Result<Analysis, StabilizeError> {
         let info = source.info();
         let reading = run.part(0.0, TRACKING);
@@ -127,7 +127,7 @@ impl Stabilizer {
     /// other options, it takes milliseconds in the picture and seconds in space.
     ///
     /// # Errors
-    /// [`StabilizeError::Path`], [`StabilizeError::PathFile`], [`StabilizeError::PathFileWithoutCameras`]: the options;
+    /// [`StabilizeError::Options`], [`StabilizeError::Input`] and [`StabilizeError::PathFileWithoutCameras`]: the path file;
     /// [`StabilizeError::Store`]: the temporary folder; [`StabilizeError::Interrupted`].
     pub fn plan(&self, analysis: &Analysis, run: &Run) -> Result<Plan, StabilizeError> {
         let StabilizerOptions { path: smoothing, warp, .. } = &self.options;
@@ -176,7 +176,7 @@ impl Plan {
     /// The maps of the clip's frames, to be asked for in their order.
     ///
     /// # Errors
-    /// [`StabilizeError::Grid`]: no mesh of this shape.
+    /// [`StabilizeError::Options`]: no mesh of this shape.
     pub fn maps(&self) -> Result<FrameMaps<'_>, StabilizeError> {
         let (tracks, motion) = (self.analysis.tracks(), Some(self.analysis.motion()));
         let inputs = RenderInputs { tracks, path: &self.path, motion, warp: &self.warp, covered: self.covered };
@@ -187,7 +187,7 @@ impl Plan {
     /// measured. For all frames in order use [`Self::maps`], which reads the tracks once.
     ///
     /// # Errors
-    /// [`StabilizeError::TooManyFrames`], [`StabilizeError::Store`], [`StabilizeError::Warp`], [`StabilizeError::Map`].
+    /// [`StabilizeError::Input`] beyond the last frame; [`StabilizeError::Store`], [`StabilizeError::Warp`].
     pub fn map(&self, index: usize, frame: Option<&Frame>) -> Result<WarpField, StabilizeError> {
         self.maps()?.at(index, frame)
     }
@@ -200,7 +200,7 @@ fn for_each_frame<S: FrameSource>(
     run: &Run,
     mut body: impl FnMut(&Frame) -> Result<(), StabilizeError>,
 ) -> Result<(), StabilizeError> {
-    let failed = |error: S::Error| StabilizeError::Frames { source: Box::new(error) };
+    let failed = |error: S::Error| StabilizeError::Frames(Box::new(error));
     for (done, frame) in source.frames().map_err(failed)?.enumerate() {
         run.check()?;
         body(&frame.map_err(failed)?)?;

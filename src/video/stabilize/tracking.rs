@@ -26,7 +26,7 @@ impl<'a> ClipTracker<'a> {
     /// A tracker for the clip that `info` describes; its points are carried through `carrier`, if there is one.
     ///
     /// # Errors
-    /// [`StabilizeError::Tracker`], [`StabilizeError::Mask`]: the options; [`StabilizeError::Store`]: no temporary file.
+    /// [`StabilizeError::Options`]; [`StabilizeError::Input`]: the mask; [`StabilizeError::Store`]: no temporary file.
     pub fn new(
         info: &ClipInfo,
         options: &TrackingOptions,
@@ -48,7 +48,7 @@ impl<'a> ClipTracker<'a> {
     /// [`StabilizeError::Store`]: the temporary folder is full.
     pub fn push(&mut self, frame: &Frame) -> Result<bool, StabilizeError> {
         let mut tracks = self.tracker.push(frame);
-        let cut = tracks.quality.cut_before && tracks.quality.bridged == 0;
+        let cut = tracks.quality.starts_shot();
         if let Some(carrier) = &self.carrier {
             carrier.carry(&mut tracks);
         }
@@ -59,10 +59,10 @@ impl<'a> ClipTracker<'a> {
     /// The motion of the clip in the picture, and its tracks.
     ///
     /// # Errors
-    /// [`StabilizeError::NoFrames`] where no frame was pushed.
+    /// [`StabilizeError::Input`] where no frame was pushed.
     pub fn finish(self) -> Result<(ClipMotion, Tracks), StabilizeError> {
         if self.measurement.frames() == 0 {
-            Err(StabilizeError::NoFrames)
+            Err(StabilizeError::Input("the clip has no frame that could be decoded".to_owned()))
         } else {
             Ok(self.measurement.finish(&self.info))
         }

@@ -69,7 +69,7 @@ impl WarpSolver {
         let options = ContentPreservingOptions { alpha, ..ContentPreservingOptions::default() };
         let solver = ContentPreserving::new(grid.cols, grid.rows, grid.width, grid.height, options);
         Ok(Self {
-            solver: solver.map_err(|source| StabilizeError::Grid { source })?,
+            solver: solver.map_err(|e| StabilizeError::Options(e.to_string()))?,
             alpha,
             scale: FrameScale::new(grid.width as u32, grid.height as u32),
             luma: Plane::new(0, 0),

@@ -33,25 +33,15 @@ use rayon::prelude::*;
 use super::window::{Kernel, Patch, RADIUS, SIDE, Template};
 use plumbline_image::{PaddedPlane, Pyramid};
 
-/// Settings of the tracker; the defaults are OpenCV's.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct KltOptions {
-    /// Most Gauss–Newton steps per level.
-    pub iterations: usize,
-    /// Convergence tolerance of the displacement, px of the level.
-    pub epsilon_px: f32,
-    /// Forward–backward error from which a match is rejected, px.
-    pub max_forward_backward_px: f32,
-    /// Least smaller eigenvalue of `A` per sample of the window, (gray/px)²; flatter windows cannot be tracked.
-    pub min_eigenvalue: f32,
-}
-
-impl Default for KltOptions {
-    fn default() -> Self {
-        // OpenCV's threshold 1e-4 is in units of 1024 (gray/px)²: the same 0.1 here.
-        Self { iterations: 30, epsilon_px: 0.01, max_forward_backward_px: 0.5, min_eigenvalue: 0.1 }
-    }
-}
+/// Most Gauss–Newton steps per level; this and the next two values are OpenCV's.
+const ITERATIONS: usize = 30;
+/// Convergence tolerance of the displacement, px of the level.
+const EPSILON_PX: f32 = 0.01;
+/// Least smaller eigenvalue of `A` per sample of the window, (gray/px)²; flatter windows cannot be tracked. OpenCV's threshold
+/// 10⁻⁴ is in units of 1024 (gray/px)².
+const MIN_EIGENVALUE: f32 = 0.1;
+/// Forward–backward error from which a match is rejected, px.
+const MAX_FORWARD_BACKWARD_PX: f32 = 0.5;
 
 /// A tracked point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,15 +60,9 @@ const MARGIN: f32 = 8.0;
 ///
 /// Points are positions in px with pixel centers at integer + 0.5. `None` for points that left the picture, are in a
 /// textureless area or failed the check. The result does not depend on the number of threads.
-pub fn track(
-    prev: &Pyramid,
-    next: &Pyramid,
-    points: &[[f32; 2]],
-    guesses: &[[f32; 2]],
-    options: &KltOptions,
-) -> Vec<Option<Match>> {
+pub fn track(prev: &Pyramid, next: &Pyramid, points: &[[f32; 2]], guesses: &[[f32; 2]]) -> Vec<Option<Match>> {
     assert_eq!(points.len(), guesses.len(), "one guess per point");
-    let pair = Pair { prev, next, options, kernel: Kernel::best() };
+    let pair = Pair { prev, next, kernel: Kernel::best() };
     let pairs = points.par_iter().zip(guesses).with_min_len(MIN_POINTS);
     pairs.map_init(Template::default, |template, (p, g)| pair.there_and_back(template, *p, *g)).collect()
 }
@@ -90,7 +74,6 @@ const MIN_POINTS: usize = 16;
 struct Pair<'a> {
     prev: &'a Pyramid,
     next: &'a Pyramid,
-    options: &'a KltOptions,
     kernel: Kernel,
 }
 
@@ -100,8 +83,7 @@ impl Pair<'_> {
         let q = self.follow(template, self.prev, self.next, p, prior)?;
         let back = self.follow(template, self.next, self.prev, q, [-prior[0], -prior[1]])?;
         let distance = (back[0] - p[0]).hypot(back[1] - p[1]);
-        (distance < self.options.max_forward_backward_px)
-            .then_some(Match { position: q, forward_backward_px: distance })
+        (distance < MAX_FORWARD_BACKWARD_PX).then_some(Match { position: q, forward_backward_px: distance })
     }
 
     /// The position in `to` of the point `p` of `from`; `d` is the initial guess of the displacement.
@@ -143,17 +125,17 @@ impl Pair<'_> {
         mut d: [f32; 2],
     ) -> Option<[f32; 2]> {
         self.cut_out(template, from, at)?;
-        let inverse = inverse_normal((self.kernel.normal_matrix)(template), self.options.min_eigenvalue)?;
+        let inverse = inverse_normal((self.kernel.normal_matrix)(template), MIN_EIGENVALUE)?;
         let mut last = [0.0_f32; 2];
-        for k in 0..self.options.iterations {
+        for k in 0..ITERATIONS {
             let patch = patch_at(to, [at[0] + d[0], at[1] + d[1]], RADIUS)?;
             let b = (self.kernel.mismatch)(template, &patch).map(|b| b as f64);
             let step = inverse.map(|row| -(row[0] * b[0] + row[1] * b[1]) as f32);
             d = [d[0] + step[0], d[1] + step[1]];
-            if k > 0 && oscillates(step, last, self.options.epsilon_px) {
+            if k > 0 && oscillates(step, last, EPSILON_PX) {
                 return Some([d[0] - 0.5 * step[0], d[1] - 0.5 * step[1]]);
             }
-            if remaining(step, last, k) <= self.options.epsilon_px {
+            if remaining(step, last, k) <= EPSILON_PX {
                 break;
             }
             last = step;
@@ -249,7 +231,7 @@ mod tests {
         for (dx, dy) in [(0.0, 0.0), (0.37, -0.61), (6.2, 3.9), (-14.5, 9.25)] {
             let (a, b) = (waves(320, 240, 0.0, 0.0), waves(320, 240, dx, dy));
             let points = grid(320, 240, 40);
-            for (p, m) in points.iter().zip(track(&a, &b, &points, &points, &KltOptions::default())) {
+            for (p, m) in points.iter().zip(track(&a, &b, &points, &points)) {
                 let q = m.expect("a textured point well inside").position;
                 let miss = (f64::from(q[0] - p[0]) - dx).hypot(f64::from(q[1] - p[1]) - dy);
                 assert!(miss < 0.02, "{p:?} moved by ({dx}, {dy}) found at {q:?}");
@@ -265,15 +247,14 @@ mod tests {
             pyramid
         };
         let points = [[50.0, 40.0], [f32::NAN, 3.0], [-50.0, 10.0], [1e9, 1e9]];
-        assert_eq!(track(&flat, &flat, &points, &points, &KltOptions::default()), vec![None; 4]);
+        assert_eq!(track(&flat, &flat, &points, &points), vec![None; 4]);
     }
 
     #[test]
     fn the_kernels_agree_on_whole_tracks() {
         let (a, b) = (waves(200, 150, 0.0, 0.0), waves(200, 150, 3.3, -2.1));
-        let options = KltOptions::default();
         let run = |kernel| {
-            let pair = Pair { prev: &a, next: &b, options: &options, kernel };
+            let pair = Pair { prev: &a, next: &b, kernel };
             let mut template = Template::default();
             grid(200, 150, 5).into_iter().map(|p| pair.there_and_back(&mut template, p, p)).collect::<Vec<_>>()
         };

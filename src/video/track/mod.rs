@@ -12,7 +12,7 @@ mod window;
 #[cfg(target_arch = "x86_64")]
 mod window_x86;
 
-pub use klt::{KltOptions, Match, track};
+pub use klt::{Match, track};
 pub use observation::{FrameQuality, FrameTracks, Observation};
 pub use store::{RESOLUTION_PX, StoreError, TrackStore};
 pub use tracker::{TrackError, TrackOptions, Tracker};

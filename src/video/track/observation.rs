@@ -35,6 +35,13 @@ pub struct FrameQuality {
     pub bridged: u32,
 }
 
+impl FrameQuality {
+    /// Whether a new shot begins here; a cut among the frames that the tracks skip does not count.
+    pub fn starts_shot(&self) -> bool {
+        self.cut_before && self.bridged == 0
+    }
+}
+
 /// The tracked points of one frame, in the order of their ids.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameTracks {

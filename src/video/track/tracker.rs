@@ -13,12 +13,12 @@
 //! - a repeated frame has exactly the positions of the one before and does not replace the reference, so that motion too slow
 //!   to measure from one frame to the next accumulates.
 
-use plumbline_image::feature::{Corner, CornerDetector, CornerOptions, Mask};
+use plumbline_image::feature::{Corner, CornerDetector, Mask};
 use plumbline_image::{Frame, PaddedPlane, Plane, PlaneRef, Pyramid, analysis_luma, analysis_size};
 use plumbline_num::time::Timestamp;
 
 use super::appearance::Appearance;
-use super::klt::{KltOptions, Match, track};
+use super::klt::{Match, track};
 use super::quality::{PictureStats, SharpnessMedian, repeats};
 use super::{FrameQuality, FrameTracks, Observation, coarse};
 
@@ -29,15 +29,11 @@ pub struct TrackOptions {
     pub analysis_side: usize,
     /// Target number of points, distributed evenly; 16 and up.
     pub points: usize,
-    /// Settings of the matcher.
-    pub klt: KltOptions,
-    /// Settings of the corner detector, px of the analysis picture.
-    pub corners: CornerOptions,
 }
 
 impl Default for TrackOptions {
     fn default() -> Self {
-        Self { analysis_side: 640, points: 1000, klt: KltOptions::default(), corners: CornerOptions::default() }
+        Self { analysis_side: 640, points: 1000 }
     }
 }
 
@@ -159,7 +155,7 @@ impl Tracker {
             height,
             options,
             mask,
-            detector: CornerDetector::new(options.corners),
+            detector: CornerDetector::default(),
             reference: None,
             kept: None,
             sharpness: SharpnessMedian::default(),
@@ -286,7 +282,7 @@ impl Tracker {
 
     fn matched(&self, before: &Reference, now: &Reference, points: &[[f32; 2]], shift: [f32; 2]) -> Vec<Option<Match>> {
         let guesses: Vec<[f32; 2]> = points.iter().map(|p| [p[0] + shift[0], p[1] + shift[1]]).collect();
-        track(&before.pyramid, &now.pyramid, points, &guesses, &self.options.klt)
+        track(&before.pyramid, &now.pyramid, points, &guesses)
     }
 
     /// The track at its new position, unless it left the picture, entered the mask or changed its appearance.
@@ -304,7 +300,7 @@ impl Tracker {
     fn thinned(&self, tracks: Vec<Track>, picture: &PaddedPlane) -> Vec<Track> {
         const CELL: f32 = 4.0; // half of the least distance of new corners
         let (w, h) = (picture.width(), picture.height());
-        let (cols, rows) = self.detector.grid(w, h);
+        let (cols, rows) = CornerDetector::grid(w, h);
         let most = 2 * self.per_bucket(picture);
         let cell_cols = w / CELL as usize + 1;
         let mut cells = vec![false; cell_cols * (h / CELL as usize + 1)];
@@ -325,7 +321,7 @@ impl Tracker {
 
     /// Target number of points per bucket.
     fn per_bucket(&self, picture: &PaddedPlane) -> usize {
-        let (cols, rows) = self.detector.grid(picture.width(), picture.height());
+        let (cols, rows) = CornerDetector::grid(picture.width(), picture.height());
         self.options.points.div_ceil(cols * rows).max(1)
     }
 

@@ -3,3 +3,4 @@
 pub(crate) mod clips;
 pub(crate) mod missing;
 pub(crate) mod program;
+pub(crate) mod shots;

@@ -189,7 +189,7 @@ fn from_lines(
     run: &Run,
 ) -> Result<Found, RunError> {
     let options = CalibrationOptions { field_of_view: claim, ..CalibrationOptions::default() };
-    let found = calibrate(marked, size, &options, run).map_err(|e| RunError::Input(e.to_string()))?;
+    let found = calibrate(marked, size, &options, run)?;
     let bent = found.lines.iter().filter(|l| l.role == LineRole::Bent);
     let warning =
         |name: &str| format!("line `{name}` fits no lens under which the others are straight; it was left out there");

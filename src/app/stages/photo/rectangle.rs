@@ -11,9 +11,7 @@ use plumbline_image::still::Photo;
 use plumbline_image::{Plane, analysis_luma};
 use plumbline_num::math::Rect;
 use plumbline_photo::Line;
-use plumbline_photo::rectangle::{
-    Outline, RectangleError, RectangleInput, RectangleOptions, RectangleShape, rectangle,
-};
+use plumbline_photo::rectangle::{Outline, RectangleInput, RectangleOptions, RectangleShape, rectangle};
 
 /// Longest side of the gray levels that seams are laid in, px.
 const LUMA_SIDE: usize = 960;
@@ -27,7 +25,7 @@ pub(crate) fn make(
     wanted: Option<TargetSize>,
 ) -> Result<PhotoMap, RunError> {
     // The outline, and the gray levels that seams avoid.
-    let outline = Outline::of_frame(&photo.frame).ok_or_else(|| rectangle_error(&RectangleError::NoBorder))?;
+    let outline = Outline::of_frame(&photo.frame).ok_or_else(no_border)?;
     context.job.check_cancel()?;
     let mut luma = Plane::new(0, 0);
     if !analysis_luma(&photo.frame, LUMA_SIDE, &mut luma) {
@@ -38,7 +36,7 @@ pub(crate) fn make(
     let input = RectangleInput { size, outline: &outline, luma: luma.as_ref(), lines, faces };
     let solve = |shape| {
         let options = RectangleOptions { shape, ..RectangleOptions::default() };
-        rectangle(&input, &options, &context.job.run()).map_err(|e| rectangle_error(&e))
+        rectangle(&input, &options, &context.job.run()).map_err(RunError::from)
     };
     let mut made = solve(match wanted {
         Some(TargetSize::Shape(ratio)) => RectangleShape::Aspect(ratio.value()),
@@ -64,10 +62,7 @@ pub(crate) fn make(
     Ok(PhotoMap { warp: made.warp, report })
 }
 
-fn rectangle_error(error: &RectangleError) -> RunError {
-    match error {
-        RectangleError::Interrupted(stopped) => (*stopped).into(),
-        RectangleError::Option { .. } => RunError::Usage(error.to_string()),
-        other => RunError::Input(other.to_string()),
-    }
+fn no_border() -> RunError {
+    let what = "a border that is transparent, black or white along the frame is what rectangling fills";
+    RunError::Input(format!("nothing lies around the picture: {what}"))
 }

@@ -44,34 +44,16 @@ use plumbline_num::math::{Point2, Vec2};
 use gradient::LevelLines;
 use region::RegionGrower;
 
-/// Settings of [`segments`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SegmentOptions {
-    /// Largest angle between a level line and the region it joins, rad, in (0, π/2): 22.5° in the paper, found to be best
-    /// over all kinds of pictures there.
-    pub tolerance: f64,
-    /// Error of a gray level by quantization, gray levels (of 255), > 0: gradients below `quantization / sin τ` have no
-    /// direction to speak of. Noisy pictures merely lose speed with small values, for noise is not aligned.
-    pub quantization: f32,
-    /// Minimum fraction of a rectangle's pixels that belong to its region, in [0, 1].
-    pub density: f64,
-    /// `ε`: least `−log₁₀ NFA`. At 0 one segment per picture is an accident.
-    pub meaningfulness: f64,
-    /// Least length, px of the picture, ≥ 0.
-    pub min_length: f64,
-}
-
-impl Default for SegmentOptions {
-    fn default() -> Self {
-        Self {
-            tolerance: std::f64::consts::PI / 8.0,
-            quantization: 2.0,
-            density: 0.7,
-            meaningfulness: 0.0,
-            min_length: 0.0,
-        }
-    }
-}
+/// `τ`, rad: largest angle between a level line and the region it joins, found in the paper to be best over all kinds of
+/// pictures.
+const TOLERANCE: f64 = std::f64::consts::PI / 8.0;
+/// Error of a gray level by quantization, gray levels (of 255), as in the paper: gradients below `QUANTIZATION / sin τ` have no
+/// direction to speak of. Noisy pictures merely lose speed with small values, for noise is not aligned.
+const QUANTIZATION: f32 = 2.0;
+/// Minimum fraction of a rectangle's pixels that belong to its region, as in the paper.
+const DENSITY: f64 = 0.7;
+/// `ε`: least `−log₁₀ NFA`. At 0 one segment per picture is an accident.
+const MEANINGFULNESS: f64 = 0.0;
 
 /// A straight edge; the brighter side lies on the left on a screen as one walks from start to end.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,16 +82,16 @@ impl Segment {
 
 /// Finds the straight edges of a picture of gray levels 0 to 255, the strongest gradients first.
 ///
-/// Samples that are not finite belong to no edge. Pictures below 3×3 hold none.
-pub fn segments(luma: PlaneRef<'_, f32>, options: &SegmentOptions) -> Vec<Segment> {
-    let threshold = options.quantization / options.tolerance.sin() as f32;
+/// Edges shorter than `min_length` px are left out. Samples that are not finite belong to no edge. Pictures below 3×3 hold none.
+pub fn segments(luma: PlaneRef<'_, f32>, min_length: f64) -> Vec<Segment> {
+    let threshold = QUANTIZATION / TOLERANCE.sin() as f32;
     let lines = LevelLines::new(luma, threshold);
-    let mut grower = RegionGrower::new(&lines, options);
+    let mut grower = RegionGrower::new(&lines);
     let mut found = Vec::new();
     for seed in lines.by_strength() {
         if let Some(rectangle) = grower.grow(seed) {
             let segment = rectangle.segment(lines.scale());
-            if segment.length() >= options.min_length {
+            if segment.length() >= min_length {
                 found.push(segment);
             }
         }

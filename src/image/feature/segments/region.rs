@@ -2,9 +2,9 @@
 
 use std::f64::consts::PI;
 
-use super::SegmentOptions;
 use super::gradient::LevelLines;
 use super::rectangle::Rectangle;
+use super::{DENSITY, MEANINGFULNESS, TOLERANCE};
 use plumbline_num::math::{Point2, Vec2};
 
 /// Factor by which the radius of a region that is too sparse is reduced about its seed; as in the paper.
@@ -14,7 +14,6 @@ const RADIUS_FACTOR: f64 = 0.75;
 #[derive(Debug)]
 pub(super) struct RegionGrower<'a> {
     lines: &'a LevelLines,
-    options: &'a SegmentOptions,
     taken: Vec<bool>,
     /// Nodes of the present region, the seed first.
     region: Vec<usize>,
@@ -27,12 +26,12 @@ pub(super) struct RegionGrower<'a> {
 }
 
 impl<'a> RegionGrower<'a> {
-    pub(super) fn new(lines: &'a LevelLines, options: &'a SegmentOptions) -> Self {
+    pub(super) fn new(lines: &'a LevelLines) -> Self {
         let log_tests = 2.5 * (lines.len().max(1) as f64).log10();
-        let precision = options.tolerance / PI;
-        let min_size = ((log_tests + options.meaningfulness) / -precision.log10()).max(2.0) as usize;
+        let precision = TOLERANCE / PI;
+        let min_size = ((log_tests + MEANINGFULNESS) / -precision.log10()).max(2.0) as usize;
         let taken = vec![false; lines.len()];
-        Self { lines, options, taken, region: Vec::new(), sum: [0.0; 2], log_tests, min_size }
+        Self { lines, taken, region: Vec::new(), sum: [0.0; 2], log_tests, min_size }
     }
 
     /// The meaningful rectangle around `seed`, if there is one and the seed is free.
@@ -40,13 +39,13 @@ impl<'a> RegionGrower<'a> {
         if self.taken[seed] {
             return None;
         }
-        self.spread(seed, self.options.tolerance);
+        self.spread(seed, TOLERANCE);
         if self.region.len() < self.min_size {
             return None;
         }
         let rectangle = self.dense_rectangle()?.scored(self.lines, self.log_tests);
-        let best = rectangle.improved(self.lines, self.log_tests, self.options.meaningfulness);
-        (best.score >= self.options.meaningfulness).then_some(best)
+        let best = rectangle.improved(self.lines, self.log_tests, MEANINGFULNESS);
+        (best.score >= MEANINGFULNESS).then_some(best)
     }
 
     /// Collects the free nodes that connect to `seed` and whose level line lies within `tolerance` of the region's.
@@ -88,7 +87,7 @@ impl<'a> RegionGrower<'a> {
     /// caught here.
     fn dense_rectangle(&mut self) -> Option<Rectangle> {
         let rectangle = self.rectangle()?;
-        if self.density(&rectangle) >= self.options.density {
+        if self.density(&rectangle) >= DENSITY {
             return Some(rectangle);
         }
         let seed = self.region[0];
@@ -96,7 +95,7 @@ impl<'a> RegionGrower<'a> {
         for i in self.region.drain(..) {
             self.taken[i] = false;
         }
-        self.spread(seed, tighter.min(self.options.tolerance));
+        self.spread(seed, tighter.min(TOLERANCE));
         let mut rectangle = self.rectangle()?;
         let center = self.lines.position(seed);
         let far = |r: &Rectangle| {
@@ -106,7 +105,7 @@ impl<'a> RegionGrower<'a> {
             ends.map(|c| (c - center).norm()).fold(0.0, f64::max)
         };
         let mut radius = far(&rectangle);
-        while self.density(&rectangle) < self.options.density {
+        while self.density(&rectangle) < DENSITY {
             radius *= RADIUS_FACTOR;
             self.cut_back(center, radius);
             if self.region.len() < self.min_size {
@@ -177,7 +176,7 @@ impl<'a> RegionGrower<'a> {
             length = [length[0].min(s), length[1].max(s)];
             across = [across[0].min(t), across[1].max(t)];
         }
-        let precision = self.options.tolerance / PI;
+        let precision = TOLERANCE / PI;
         Some(Rectangle { center, along, length, across, precision, score: 0.0 })
     }
 }

@@ -28,7 +28,7 @@ fn an_edge_is_found_once_within_a_tenth_of_a_pixel_and_of_a_degree() {
     let at = Point2::new(80.375, 60.625);
     for degrees in [0.0_f64, 3.0, 17.0, 45.0, 80.0, 90.0, 133.0, 200.0, 301.0] {
         let picture = half_plane(160, 120, at, degrees.to_radians());
-        let found = segments(picture.as_ref(), &SegmentOptions::default());
+        let found = segments(picture.as_ref(), 0.0);
         assert_eq!(found.len(), 1, "{degrees}°: {found:?}");
         let (s, along) = (found[0], Vec2::new(degrees.to_radians().cos(), degrees.to_radians().sin()));
         // The brighter side is at negative normal, which is the left of `along` on a screen.
@@ -44,7 +44,7 @@ fn an_edge_is_found_once_within_a_tenth_of_a_pixel_and_of_a_degree() {
 fn a_bar_has_two_edges_of_opposite_direction_that_end_where_it_ends() {
     let bar =
         Plane::from_fn(200, 100, |x, y| if (40..160).contains(&x) && (44..56).contains(&y) { 220.0 } else { 30.0 });
-    let long: Vec<_> = segments(bar.as_ref(), &SegmentOptions { min_length: 40.0, ..SegmentOptions::default() });
+    let long: Vec<_> = segments(bar.as_ref(), 40.0);
     assert_eq!(long.len(), 2, "{long:?}");
     assert!(long[0].direction().dot(&long[1].direction()) < -0.9999);
     for s in long {
@@ -57,8 +57,7 @@ fn a_bar_has_two_edges_of_opposite_direction_that_end_where_it_ends() {
 
 #[test]
 fn noise_holds_less_than_one_segment_per_picture() {
-    let found: usize =
-        (0..10).map(|seed| segments(noise(200, 200, 25.0, seed).as_ref(), &SegmentOptions::default()).len()).sum();
+    let found: usize = (0..10).map(|seed| segments(noise(200, 200, 25.0, seed).as_ref(), 0.0).len()).sum();
     assert!(found < 10, "{found} segments in 10 pictures of noise");
 }
 
@@ -67,7 +66,7 @@ fn an_edge_survives_noise_of_a_tenth_of_its_contrast() {
     let (at, angle) = (Point2::new(100.0, 75.0), 0.4_f64);
     let (edge, noise) = (half_plane(200, 150, at, angle), noise(200, 150, 12.0, 7));
     let picture = Plane::from_fn(200, 150, |x, y| edge.as_ref().row(y)[x] + noise.as_ref().row(y)[x] - 128.0);
-    let found = segments(picture.as_ref(), &SegmentOptions::default());
+    let found = segments(picture.as_ref(), 0.0);
     let along = Vec2::new(angle.cos(), angle.sin());
     let on_edge = |s: &&Segment| {
         s.direction().dot(&along) > 2_f64.to_radians().cos()
@@ -87,28 +86,26 @@ fn a_circle_gives_no_segment_longer_than_its_curvature_allows() {
     });
     // A chord that strays from the arc by 2 px is 2 √(2 · 2 r) long.
     let longest = 2.0 * (4.0 * r).sqrt();
-    for s in segments(disc.as_ref(), &SegmentOptions::default()) {
+    for s in segments(disc.as_ref(), 0.0) {
         assert!(s.length() < longest, "{s:?}");
     }
 }
 
 #[test]
 fn pictures_without_edges_or_with_samples_that_are_no_numbers_are_borne() {
-    let options = SegmentOptions::default();
     for (w, h) in [(0, 0), (1, 1), (2, 2), (3, 3), (1, 500), (500, 1), (2, 300)] {
         for value in [0.0, 255.0, f32::NAN, f32::INFINITY, -1e38] {
-            assert!(segments(Plane::from_fn(w, h, |_, _| value).as_ref(), &options).is_empty());
+            assert!(segments(Plane::from_fn(w, h, |_, _| value).as_ref(), 0.0).is_empty());
         }
     }
     let mut rng = fastrand::Rng::with_seed(3);
     let wild = Plane::from_fn(90, 70, |_, _| [0.0, 255.0, f32::NAN, 3e38, f32::NEG_INFINITY][rng.usize(0..5)]);
-    segments(wild.as_ref(), &options);
-    assert!(segments(Plane::from_fn(100, 100, |_, _| 128.0).as_ref(), &options).is_empty());
+    segments(wild.as_ref(), 0.0);
+    assert!(segments(Plane::from_fn(100, 100, |_, _| 128.0).as_ref(), 0.0).is_empty());
 }
 
 #[test]
 fn the_same_picture_gives_the_same_segments() {
     let picture = half_plane(160, 120, Point2::new(80.0, 60.0), 0.3);
-    let options = SegmentOptions::default();
-    assert_eq!(segments(picture.as_ref(), &options), segments(picture.as_ref(), &options));
+    assert_eq!(segments(picture.as_ref(), 0.0), segments(picture.as_ref(), 0.0));
 }

@@ -11,17 +11,14 @@
 
 use std::io::Write;
 
-use nalgebra::{Quaternion, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use super::{MotionFileError, value, write_block};
 use crate::motion::cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
+use crate::motion::exchange::colmap::rotation_of;
 use crate::motion::sfm::{SfmFigures, SfmVerdict};
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::math::Point2;
-
-/// Greatest deviation of the norm of a quaternion from 1: files with four digits pass.
-const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 /// The blocks, as far as a file has them.
 #[derive(Clone, Debug, Default)]
@@ -160,8 +157,7 @@ impl From<FrameCamera> for CameraEntry {
 
 impl CameraEntry {
     fn check(&self, k: usize) -> Result<(), MotionFileError> {
-        let length = self.q.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if !((length - 1.0).abs() <= QUATERNION_TOLERANCE) {
+        if rotation_of(self.q).is_none() {
             return Err(value(format!("cameras[{k}].q"), format!("{:?}", self.q), "a quaternion of length 1"));
         }
         if !(self.focal > 0.0 && self.focal.is_finite()) {
@@ -174,8 +170,7 @@ impl CameraEntry {
     }
 
     fn camera(&self, shift: f64) -> FrameCamera {
-        let [w, x, y, z] = self.q;
-        let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+        let rotation = rotation_of(self.q).expect("checked");
         let center = Point2::new(self.center[0] + shift, self.center[1] + shift);
         FrameCamera {
             pose: CameraPose { rotation, translation: Vec3::from(self.t) },

@@ -96,7 +96,7 @@ fn normal_equations(points: &[PointRay], weights: &[f64], pose: &CameraPose) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose, rotation_error};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_pose, rotation_error};
 
     const SEARCH: MsacOptions =
         MsacOptions { threshold: 2.0 / 576.0, min_samples: 20, max_samples: 500, local_steps: 4 };

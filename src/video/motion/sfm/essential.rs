@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Rotation3, SVector, UnitQuaternion};
 use super::correspondence::Correspondence;
 use super::epipolar::{Epipolar, EpipolarFamily};
 use super::five_point::five_point;
-use super::sampson::{self, Chart};
+use super::sampson::Chart;
 use plumbline_camera::{CameraPose, Vec3};
 
 /// A pose with a unit translation, and the coordinates `(ω, a, b)` around it: `t` moves along two tangents of the sphere.
@@ -22,12 +22,6 @@ impl EssentialChart {
     /// The chart around a pose; its translation must be nonzero.
     pub(super) fn at(pose: &CameraPose) -> Self {
         Self { rotation: pose.rotation.to_rotation_matrix(), translation: pose.translation.normalize() }
-    }
-
-    /// One of the four poses of an essential matrix: all have the same matrix up to sign.
-    pub(super) fn of_matrix(e: &Matrix3<f64>) -> Option<Self> {
-        let [rotation, _] = rotations_of(e)?;
-        Some(Self { rotation, translation: left_null_vector(e)? })
     }
 
     pub(super) fn pose(&self) -> CameraPose {
@@ -90,15 +84,6 @@ pub(super) fn left_null_vector(e: &Matrix3<f64>) -> Option<Vec3> {
     crossed.into_iter().max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?.try_normalize(0.0)
 }
 
-/// Local minimum of the weighted squared Sampson distance from the initial guess `start`; the translation has length
-/// 1.
-///
-/// `pairs` in normalized image coordinates, one weight each (zero excludes a pair). The translation of `start` must be
-/// nonzero.
-pub fn refine_relative_pose(start: &CameraPose, pairs: &[Correspondence], weights: &[f64], steps: usize) -> CameraPose {
-    sampson::refined(EssentialChart::at(start), pairs, weights, steps).pose()
-}
-
 /// Consensus problem: correspondences in normalized image coordinates explained by essential matrices.
 pub(super) type ByEssential<'a> = Epipolar<'a, EssentialChart, 5>;
 
@@ -109,8 +94,10 @@ impl EpipolarFamily<5> for EssentialChart {
         five_point(&std::array::from_fn(|k| sample[k]), models);
     }
 
+    /// One of the four poses of an essential matrix: all have the same matrix up to sign.
     fn of_matrix(e: &Matrix3<f64>) -> Option<Self> {
-        Self::of_matrix(e)
+        let [rotation, _] = rotations_of(e)?;
+        Some(Self { rotation, translation: left_null_vector(e)? })
     }
 }
 
@@ -118,7 +105,8 @@ impl EpipolarFamily<5> for EssentialChart {
 mod tests {
     use super::*;
     use crate::motion::sfm::essential_pose::pose_of_essential;
-    use crate::motion::sfm::synthetic_views::{TwoViews, direction_error, random_pose, rotation_error};
+    use crate::motion::sfm::sampson;
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, direction_error, random_pose, rotation_error};
     use plumbline_num::optim::ransac::{MsacOptions, msac};
     use plumbline_num::run::Run;
 
@@ -170,7 +158,7 @@ mod tests {
         let pose = random_pose(&mut rng, 0.3, 1.0);
         let views = TwoViews::general(pose, 40, &mut rng);
         let start = pose.perturbed(&Vec3::new(0.01, -0.01, 0.02), &Vec3::new(0.05, 0.02, -0.05));
-        let refined = refine_relative_pose(&start, &views.correspondences, &[1.0; 40], 30);
+        let refined = sampson::refined(EssentialChart::at(&start), &views.correspondences, &[1.0; 40], 30).pose();
         assert!(rotation_error(&refined, &pose) < 1e-9 && direction_error(&refined, &pose) < 1e-7);
     }
 }

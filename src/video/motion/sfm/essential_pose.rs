@@ -52,7 +52,7 @@ pub(super) fn ray_angle(second_from_first: &CameraPose, pair: &Correspondence) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, direction_error, random_pose, rotation_error};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, direction_error, random_pose, rotation_error};
 
     #[test]
     fn all_points_are_in_front_of_the_true_pose_and_of_no_other() {

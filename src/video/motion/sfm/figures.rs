@@ -1,21 +1,20 @@
 //! Quality figures of a reconstruction.
 
 use super::bundle::residuals;
-use super::mapper::WRONG_PX;
+use super::mapper::{MIN_POINTS, WRONG_PX};
 use super::prediction::predict;
 use super::{Scene, TrackTable};
 use plumbline_camera::CameraPose;
 use plumbline_num::math::median;
 use plumbline_num::run::{Run, Stopped};
 
-/// Columns and rows of the grid in which coverage is measured.
+/// Columns and rows of the grid in which coverage is measured: 48 cells, one bit each.
 const CELLS: (usize, usize) = (8, 6);
-/// Minimum number of correct observations of an explained frame.
-const MIN_CORRECT: usize = 40;
-/// Minimum fraction of the known points of a frame that its camera must explain.
+/// Minimum fraction of the known points of a frame that its camera must explain: the majority.
 const MIN_CORRECT_RATIO: f64 = 0.5;
-/// Minimum fraction of the grid cells that must contain a correct observation.
-const MIN_CELLS: f64 = 0.35;
+/// Minimum fraction of the grid cells that must contain a correct observation, in a frame and in the mean of all frames: 17
+/// of 48. An object of a quarter of the picture has the area of twelve.
+pub(super) const MIN_COVERAGE: f64 = 0.35;
 
 /// Quality figures of a reconstruction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -64,7 +63,7 @@ pub(super) fn figures(
     let mut cells = vec![false; table.frames() * CELLS.0 * CELLS.1];
     for residual in residuals(scene, table.observations()).iter().filter(|m| m.px <= WRONG_PX * unit) {
         (sum, squares, observations) = (sum + residual.px, squares + residual.px * residual.px, observations + 1);
-        cells[residual.frame as usize * CELLS.0 * CELLS.1 + cell(table, residual.pixel.x, residual.pixel.y)] = true;
+        cells[residual.frame as usize * CELLS.0 * CELLS.1 + table.cell(residual.pixel, CELLS)] = true;
     }
     let covered = cells.iter().filter(|c| **c).count() as f64 / (CELLS.0 * CELLS.1) as f64;
     let registered = scene.poses.iter().flatten().count();
@@ -97,7 +96,7 @@ pub(super) fn explained_frames(table: &TrackTable, scene: &Scene) -> Vec<bool> {
         frame.known += 1;
         if residual.px <= wrong {
             frame.right += 1;
-            frame.cells |= 1 << cell(table, residual.pixel.x, residual.pixel.y);
+            frame.cells |= 1 << table.cell(residual.pixel, CELLS);
         }
     }
     frames.iter().map(Explained::is_enough).collect()
@@ -114,15 +113,10 @@ struct Explained {
 
 impl Explained {
     fn is_enough(&self) -> bool {
-        self.right >= MIN_CORRECT
+        self.right >= MIN_POINTS
             && self.right as f64 >= MIN_CORRECT_RATIO * self.known as f64
-            && f64::from(self.cells.count_ones()) >= MIN_CELLS * (CELLS.0 * CELLS.1) as f64
+            && f64::from(self.cells.count_ones()) >= MIN_COVERAGE * (CELLS.0 * CELLS.1) as f64
     }
-}
-
-fn cell(table: &TrackTable, x: f64, y: f64) -> usize {
-    let along = |v: f64, size: u32, n: usize| ((v / f64::from(size) * n as f64).max(0.0) as usize).min(n - 1);
-    along(y, table.height, CELLS.1) * CELLS.0 + along(x, table.width, CELLS.0)
 }
 
 /// Maximum angle, rad, between the anchor's ray of a point and the rays of the other frames that observe it.

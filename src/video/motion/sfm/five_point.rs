@@ -30,7 +30,8 @@ const POLISH_STEPS: usize = 24;
 /// Maximum residual of the cubic equations, for `‖E‖ = √2`, of an accepted solution.
 const ACCEPTED: f64 = 1e-11;
 
-/// Distance of two matrices of norm √2 below which they are the same solution, found twice.
+/// Distance of two matrices of norm √2 below which they are the same solution, found twice: the root of the rounding error,
+/// to which a double root is determined.
 const SAME: f64 = 1e-8;
 
 /// Unit vectors of the Householder reflections applied to the basis. The null-space basis is aligned with the
@@ -272,7 +273,7 @@ fn polished(basis: &[Matrix3<f64>; 4], mut v: Vector4<f64>) -> Option<Vector4<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_pose};
 
     fn sample(seed: u64) -> (TwoViews, [Correspondence; 5]) {
         let mut rng = fastrand::Rng::with_seed(seed);

@@ -33,6 +33,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::correspondence::Correspondence;
+use super::epipolar::EpipolarFamily;
 use super::essential::{ByEssential, EssentialChart};
 use super::fundamental::ByFundamental;
 use super::sampson::{self, Chart};
@@ -45,13 +46,14 @@ use plumbline_num::run::{Run, Stopped};
 /// energy.
 const MAX_STEPS: usize = 30;
 
-/// Minimum number of correspondences of a pair that is used.
+/// Minimum number of correspondences of a pair that is used: nine more than a fundamental matrix has parameters.
 const MIN_CORRESPONDENCES: usize = 16;
 
 /// Maximum change of `ln f` in one step: at a larger change the linearized poses no longer follow.
 const MAX_STEP: f64 = 0.15;
 
-/// Normalized gradient of a pair, in standard deviations, at which its Cauchy weight is one half.
+/// Normalized gradient of a pair, in standard deviations, at which its Cauchy weight is one half: noise alone
+/// exceeds three standard deviations once in 370.
 const PAIR_SCALE: f64 = 3.0;
 
 /// Settings of [`estimate_focal`], in the unit of the image coordinates.
@@ -318,7 +320,7 @@ fn slack(m: &Matrix3<f64>, c: &Correspondence, threshold: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_pose};
 
     /// Pairs of a camera of focal length `f` widths with noise of 0.3 px at 640 and 10 % outliers.
     fn walk(f: f64, count: usize, seed: u64) -> Vec<Vec<Correspondence>> {

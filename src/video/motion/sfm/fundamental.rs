@@ -1,15 +1,13 @@
-//! Fundamental matrices: the seven-point and eight-point algorithms, and robust estimation.
+//! Fundamental matrices: the seven-point algorithm, and robust estimation.
 //!
 //! Seven pairs leave a pencil `F = a F₁ + F₂` with `x₂ᵀ F x₁ = 0`; `det F = 0` is a cubic in `a`, solved in
-//! homogeneous form. Eight or more pairs give `F` by linear least squares of the algebraic error, with rank two
-//! enforced by setting the smallest singular value to zero. Both work in normalized coordinates, with centroid 0 and
-//! mean square distance 2. A refit inside the search minimizes the Sampson distance over `F = U diag(1, s, 0) Vᵀ`,
-//! with rotation updates of `U` and `V` and a shift of `s`.
+//! homogeneous form, in normalized coordinates, with centroid 0 and mean square distance 2. A refit inside the search
+//! minimizes the Sampson distance over `F = U diag(1, s, 0) Vᵀ`, with rotation updates of `U` and `V` and a shift of `s`.
 //!
 //! # Reference
 //! Hartley, Zisserman, *Multiple View Geometry*, 2nd ed., sections 11.1 to 11.4.
 
-use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
+use nalgebra::{Matrix3, Rotation3, SVector};
 
 use super::correspondence::{Correspondence, matrix_of_rows};
 use super::epipolar::{Epipolar, EpipolarFamily};
@@ -22,7 +20,7 @@ use plumbline_num::math::Vec2;
 /// All fundamental matrices of unit norm that satisfy seven pairs, in any affine image coordinates. Pushed to
 /// `solutions`: one to three, none if the seven are linearly dependent.
 pub fn seven_point(sample: &[Correspondence; 7], solutions: &mut Vec<Matrix3<f64>>) {
-    let Some((first, second)) = normalizing(sample, &[1.0; 7]) else { return };
+    let Some((first, second)) = normalizing(sample) else { return };
     let rows = sample.map(|c| Correspondence { first: first * c.first, second: second * c.second }.epipolar_row());
     let Some(basis) = null_space::<7, 2>(&rows) else { return };
     let [f1, f2] = basis.map(|b| matrix_of_rows(&b));
@@ -37,33 +35,12 @@ pub fn seven_point(sample: &[Correspondence; 7], solutions: &mut Vec<Matrix3<f64
     }
 }
 
-/// The fundamental matrix of minimum weighted algebraic error, of rank two and unit norm; `None` if fewer than eight
-/// pairs have nonzero weight or the solution is not unique.
-pub fn eight_point(pairs: &[Correspondence], weights: &[f64]) -> Option<Matrix3<f64>> {
-    let (first, second) = normalizing(pairs, weights)?;
-    let mut normal = SMatrix::<f64, 9, 9>::zeros();
-    for (c, &w) in pairs.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
-        let row = Correspondence { first: first * c.first, second: second * c.second }.epipolar_row();
-        normal.ger(w, &row, &row, 1.0);
-    }
-    let eigen = normal.symmetric_eigen();
-    let mut order: [usize; 9] = std::array::from_fn(|k| k);
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    if !(eigen.eigenvalues[order[1]] > 1e-12 * eigen.eigenvalues[order[8]]) {
-        return None;
-    }
-    let chart = FundamentalChart::of_matrix(&matrix_of_rows(&eigen.eigenvectors.column(order[0]).into_owned()))?;
-    let f = second.transpose() * chart.matrix() * first;
-    Some(f / f.norm())
-}
-
 /// Normalizing transformations of the points of the two views to centroid 0 and mean square distance 2.
-fn normalizing(pairs: &[Correspondence], weights: &[f64]) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
-    let total: f64 = weights.iter().sum();
+fn normalizing(pairs: &[Correspondence]) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
+    let count = pairs.len() as f64;
     let of = |point: fn(&Correspondence) -> Vec2| {
-        let weighted = || pairs.iter().zip(weights);
-        let mean: Vec2 = weighted().map(|(c, w)| point(c) * *w).sum::<Vec2>() / total;
-        let spread = weighted().map(|(c, w)| w * (point(c) - mean).norm_squared()).sum::<f64>() / total;
+        let mean: Vec2 = pairs.iter().map(point).sum::<Vec2>() / count;
+        let spread = pairs.iter().map(|c| (point(c) - mean).norm_squared()).sum::<f64>() / count;
         let s = (2.0 / spread).sqrt();
         (s.is_finite() && s > 0.0).then(|| Matrix3::new(s, 0.0, -s * mean.x, 0.0, s, -s * mean.y, 0.0, 0.0, 1.0))
     };
@@ -79,15 +56,6 @@ pub(super) struct FundamentalChart {
 }
 
 impl FundamentalChart {
-    /// The nearest matrix of rank two, scaled to largest singular value 1.
-    pub(super) fn of_matrix(f: &Matrix3<f64>) -> Option<Self> {
-        let svd = f.try_svd(true, true, 1e-15, 100)?;
-        let (u, v) = (svd.u?, svd.v_t?.transpose());
-        let proper = |m: Matrix3<f64>| Rotation3::from_matrix_unchecked(if m.determinant() < 0.0 { -m } else { m });
-        let s = svd.singular_values[1] / svd.singular_values[0];
-        s.is_finite().then(|| Self { u: proper(u), v: proper(v), s })
-    }
-
     fn sigma(&self) -> Matrix3<f64> {
         Matrix3::from_diagonal(&Vec3::new(1.0, self.s, 0.0))
     }
@@ -127,8 +95,13 @@ impl EpipolarFamily<7> for FundamentalChart {
         seven_point(&std::array::from_fn(|k| sample[k]), models);
     }
 
+    /// The nearest matrix of rank two, scaled to largest singular value 1.
     fn of_matrix(f: &Matrix3<f64>) -> Option<Self> {
-        Self::of_matrix(f)
+        let svd = f.try_svd(true, true, 1e-15, 100)?;
+        let (u, v) = (svd.u?, svd.v_t?.transpose());
+        let proper = |m: Matrix3<f64>| Rotation3::from_matrix_unchecked(if m.determinant() < 0.0 { -m } else { m });
+        let s = svd.singular_values[1] / svd.singular_values[0];
+        s.is_finite().then(|| Self { u: proper(u), v: proper(v), s })
     }
 }
 
@@ -136,7 +109,7 @@ impl EpipolarFamily<7> for FundamentalChart {
 mod tests {
     use super::*;
     use crate::motion::sfm::sampson;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_pose};
     use plumbline_num::optim::ransac::{MsacOptions, msac};
     use plumbline_num::run::Run;
 
@@ -161,15 +134,6 @@ mod tests {
             let worst = seven.iter().flat_map(|c| solutions.iter().map(|f| sampson::squared_distance(f, c)));
             assert!(worst.fold(0.0, f64::max) < 1e-12, "seed {seed}");
         }
-    }
-
-    #[test]
-    fn eight_points_reproduce_exact_data() {
-        let mut rng = fastrand::Rng::with_seed(3);
-        let views = TwoViews::general(random_pose(&mut rng, 0.5, 1.0), 12, &mut rng);
-        let f = eight_point(&views.correspondences, &[1.0; 12]).expect("general position");
-        assert!(distance(&f, &views.essential()) < 1e-7);
-        assert!(eight_point(&views.correspondences[..7], &[1.0; 7]).is_none());
     }
 
     #[test]

@@ -86,7 +86,7 @@ pub fn visible_planar_poses(h: &Matrix3<f64>, pairs: &[Correspondence], counted:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose, rotation_error};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_pose, rotation_error};
 
     #[test]
     fn one_visible_decomposition_is_the_truth_and_all_give_the_homography_back() {

@@ -106,7 +106,7 @@ mod tests {
     use plumbline_num::run::Run;
 
     use super::*;
-    use crate::motion::sfm::synthetic_views::TwoViews;
+    use crate::motion::sfm::tests::synthetic_views::TwoViews;
     use plumbline_camera::{CameraPose, Vec3};
     use plumbline_num::optim::ransac::{MsacOptions, msac};
 

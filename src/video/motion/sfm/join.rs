@@ -12,16 +12,13 @@
 
 use std::ops::Range;
 
+use super::mapper::{MIN_INLIERS, WRONG_PX};
 use super::{Segment, SfmFigures, SfmVerdict};
 use crate::motion::FrameCamera;
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Similarity3, Vec3, align};
 
-/// Minimum number of frames with a camera in both segments.
+/// Minimum number of frames with a camera in both segments: their mean rotation is three times as accurate as one (√10).
 const MIN_SHARED: usize = 10;
-/// Minimum number of points known to both segments.
-const MIN_POINTS: usize = 20;
-/// Maximum difference of the joined cameras, px at 640 px across: the threshold of a wrong observation.
-const MAX_PX: f64 = 3.0;
 /// Fraction of the shared frames at either end in which the weight of one segment is 1: cameras at the ends of a
 /// window are the least accurate.
 const SOLO_FRACTION: f64 = 0.25;
@@ -85,7 +82,7 @@ fn scale_and_depth(points: &[(Point3, Point3)], pairs: &[(CameraPose, CameraPose
     let depths =
         points.iter().map(|(b, a)| (second.apply(b).z, first.apply(a).z)).filter(|(b, a)| *b > 0.0 && *a > 0.0);
     let mut ratios: Vec<(f64, f64)> = depths.map(|(b, a)| (a / b, a)).collect();
-    if ratios.len() < MIN_POINTS {
+    if ratios.len() < MIN_INLIERS {
         return None;
     }
     let middle = ratios.len() / 2;
@@ -95,7 +92,7 @@ fn scale_and_depth(points: &[(Point3, Point3)], pairs: &[(CameraPose, CameraPose
 
 /// Whether the difference is too small to be visible in a picture `unit_px` times 640 px across.
 pub(super) fn is_seamless(fit: &Fit, unit_px: f64) -> bool {
-    fit.residual_px <= MAX_PX * unit_px
+    fit.residual_px <= WRONG_PX * unit_px
 }
 
 /// Merges two aligned segments.
@@ -175,7 +172,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     use super::*;
-    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
+    use crate::motion::sfm::tests::synthetic::{Course, Shot, ShotOptions};
 
     /// A part of a synthetic walk, in a world transformed by a similarity.
     fn part(frames: Range<usize>, world: &Similarity3) -> Segment {

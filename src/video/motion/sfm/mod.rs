@@ -29,9 +29,8 @@ mod sample;
 mod sampson;
 mod scene;
 mod segment;
-pub mod synthetic;
 #[cfg(test)]
-mod synthetic_views;
+mod tests;
 mod three_point;
 mod track_table;
 mod triangulate;
@@ -44,12 +43,11 @@ mod zoom;
 
 pub use absolute_pose::absolute_pose;
 pub use correspondence::Correspondence;
-pub use essential::refine_relative_pose;
 pub use essential_pose::{pose_of_essential, poses_of_essential};
 pub use figures::SfmFigures;
 pub use five_point::five_point;
 pub use focal::{FocalEstimate, FocalOptions, estimate_focal};
-pub use fundamental::{eight_point, seven_point};
+pub use fundamental::seven_point;
 pub use gric::{ModelSize, gric};
 pub use homography_poses::{PlanarPose, calibrated_homography, poses_of_homography, visible_planar_poses};
 pub use reconstruct::{Reconstruction, SfmOptions, reconstruct};

@@ -254,7 +254,7 @@ fn gain(lambda: f64, diagonal: &Vec3, step: &Vec3, gradient: &Vec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions, path_error};
+    use crate::motion::sfm::tests::synthetic::{Course, Shot, ShotOptions, path_error};
     use plumbline_camera::{CameraPose, Point3};
 
     /// Bearings in every fourth frame of a synthetic shot, with the true camera rotations.

@@ -15,7 +15,7 @@ use super::bundle::BundleReport;
 use super::figures::{SfmFigures, figures};
 use super::global_mapping::map_globally;
 use super::keyframes::keyframes;
-use super::mapper::{GROWN, Last, LensPrior, MIN_INLIERS, Mapper};
+use super::mapper::{GROWN, Last, LensPrior, MIN_POINTS, Mapper};
 use super::rotation_estimation::{estimate_rotations, focal_of_rotations};
 use super::two_view::TwoViewVerdict;
 use super::verdict::{MIN_ANGLE, SfmVerdict, judged, predicts};
@@ -46,14 +46,11 @@ const MAX_READOUT_COST: f64 = 0.97;
 const MIN_READOUT: f64 = 0.05;
 /// See [`MIN_READOUT`].
 const MAX_READOUT: f64 = 1.2;
-/// Minimum points per frame (median) for an attempt: two views of half of them share 20, the minimum of a
-/// registration.
-const MIN_POINTS: usize = 40;
 /// Observations per frame of the rough adjustment, which separates outliers from inliers and estimates a readout.
-const ROUGH_SIGHTINGS: usize = 160;
+const ROUGH_OBSERVATIONS: usize = 160;
 /// Observations per frame of the final adjustment. On five rendered walks rotations between frames are a seventh less
 /// accurate with 400 than with all thousand, with 240 a quarter.
-const FINE_SIGHTINGS: usize = 400;
+const FINE_OBSERVATIONS: usize = 400;
 /// Maximum ratio of the RMS residual of pure rotations to that with depths for which the camera counts as rotating
 /// only: the additional depths and translations absorb a third of the noise of short tracks.
 const MAX_ROTATION_LOSS: f64 = 1.5;
@@ -158,9 +155,7 @@ fn count(edges: &[Edge], verdict: TwoViewVerdict) -> usize {
 }
 
 fn is_seed(edge: &Edge) -> bool {
-    edge.view.verdict == TwoViewVerdict::General
-        && edge.view.median_angle >= MIN_ANGLE
-        && edge.inliers() >= 2 * MIN_INLIERS
+    edge.view.verdict == TwoViewVerdict::General && edge.view.median_angle >= MIN_ANGLE && edge.inliers() >= MIN_POINTS
 }
 
 /// Pairs in descending order of strength.
@@ -327,7 +322,7 @@ fn grown<'a>(empty: &Mapper<'a>, seed: &Edge, pose: CameraPose) -> Result<Option
 /// the residuals; the final pass runs without the outliers to the final tolerance.
 fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, rotation_only: bool) -> Result<Option<BundleReport>, Stopped> {
     let rough = Last { rotation_only, ..Last::ROUGH };
-    let mut sample = mapper.sample(ROUGH_SIGHTINGS);
+    let mut sample = mapper.sample(ROUGH_OBSERVATIONS);
     let global = mapper.finish(&mut sample, rough)?;
     let mut has_readout = false;
     if let Some(global) = global.filter(|_| rolling) {
@@ -344,7 +339,7 @@ fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, rotation_only: bool) -> Resu
     if !rotation_only {
         mapper.triangulate_new()?;
     }
-    let mut sample = mapper.sample(FINE_SIGHTINGS);
+    let mut sample = mapper.sample(FINE_OBSERVATIONS);
     let report = mapper.finish(&mut sample, Last { rolling: has_readout, rotation_only, ..Last::FINE })?;
     mapper.take_cameras(sample)?;
     mapper.discard_wrong();
@@ -352,12 +347,7 @@ fn adjusted(mapper: &mut Mapper<'_>, rolling: bool, rotation_only: bool) -> Resu
 }
 
 fn without_cameras(table: &TrackTable, camera: Intrinsics, verdict: SfmVerdict, reason: String) -> Reconstruction {
-    let scene = Scene {
-        intrinsics: camera,
-        readout: 0.0,
-        poses: vec![None; table.frames()],
-        points: vec![None; table.points()],
-    };
+    let scene = Scene::unknown(table, camera);
     let figures = SfmFigures { frames: table.frames(), ..SfmFigures::default() };
     Reconstruction { scene, verdict, reason, figures }
 }

@@ -38,7 +38,8 @@ const MIN_RESIDUAL: f64 = 2e-5;
 /// Scale of the Geman–McClure weight in standard deviations, estimated from the median residual.
 const SCALE: f64 = 3.0;
 
-/// Median length of a three-dimensional normal vector in standard deviations of one coordinate.
+/// Median length of a three-dimensional normal vector in standard deviations of one coordinate: the root of the median 2.366 of
+/// χ² with three degrees of freedom.
 const MEDIAN_LENGTH: f64 = 1.538;
 
 /// Maximum angle, rad, between the product of the rotations around a triangle and the identity. Triangles of correct
@@ -278,7 +279,7 @@ impl<'a> Solver<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{normal, random_unit};
+    use crate::motion::sfm::tests::synthetic_views::{normal, random_unit};
 
     /// A clip of a rotating camera with relative rotations at offsets 1, 2, 3, 5, 8. The given fraction of them is
     /// random, except that three edges at every camera are correct: with fewer no majority identifies them.

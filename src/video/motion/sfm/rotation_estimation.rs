@@ -101,7 +101,7 @@ mod tests {
     use super::*;
     use crate::motion::sfm::keyframes::keyframes;
     use crate::motion::sfm::mapper::LensPrior;
-    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions, path_error};
+    use crate::motion::sfm::tests::synthetic::{Course, Shot, ShotOptions, path_error};
     use crate::motion::sfm::view_graph::view_graph;
 
     fn turning(outliers: f64) -> (Shot, TrackTable) {

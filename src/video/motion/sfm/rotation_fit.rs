@@ -186,7 +186,7 @@ fn normal_equations(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_unit};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_unit};
     use plumbline_camera::CameraPose;
 
     /// A camera that rotates by `angle`, observed with a focal length assumed too long by `1/ratio`.

@@ -98,10 +98,10 @@ fn chosen(table: &TrackTable, scene: &Scene, per_frame: usize) -> Vec<usize> {
     let mut taken = Vec::new();
     for (length, point) in order {
         let wanted = |o: &&Observation| {
-            if length < SHORT { selection.is_starved(o) } else { selection.wants(o, cell_of(table, o)) }
+            if length < SHORT { selection.is_starved(o) } else { selection.wants(o, table.cell(o.pixel, CELLS)) }
         };
         if 2 * known_observations(table, scene, point).filter(wanted).count() >= length {
-            known_observations(table, scene, point).for_each(|o| selection.take(o, cell_of(table, o)));
+            known_observations(table, scene, point).for_each(|o| selection.take(o, table.cell(o.pixel, CELLS)));
             taken.push(point);
         }
     }
@@ -133,11 +133,6 @@ impl Selection {
         self.in_cell[o.frame as usize * CELLS.0 * CELLS.1 + cell] += 1;
         self.in_frame[o.frame as usize] += 1;
     }
-}
-
-fn cell_of(table: &TrackTable, o: &Observation) -> usize {
-    let along = |v: f64, size: u32, n: usize| ((v / f64::from(size) * n as f64).max(0.0) as usize).min(n - 1);
-    along(o.pixel.y, table.height, CELLS.1) * CELLS.0 + along(o.pixel.x, table.width, CELLS.0)
 }
 
 /// A hash of the index, independent of the position and the frames of the point.
@@ -192,7 +187,7 @@ mod tests {
             assert!(had > 300 && (120..320).contains(&count), "frame {frame}: {count} of {had}");
         }
         let mut cells = vec![0; CELLS.0 * CELLS.1];
-        sample.observations.iter().filter(|o| o.frame == 30).for_each(|o| cells[cell_of(&table, o)] += 1);
+        sample.observations.iter().filter(|o| o.frame == 30).for_each(|o| cells[table.cell(o.pixel, CELLS)] += 1);
         assert!(cells.iter().all(|c| *c > 0) && cells.iter().all(|c| *c < 20), "{cells:?}");
     }
 

@@ -7,6 +7,7 @@
 //! Y = R_ia m + w (t_i − R_ia t_a),     R_ia = R_i R_aᵀ.
 //! ```
 
+use super::TrackTable;
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::math::{Point2, Vec2};
 
@@ -64,6 +65,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The scene of `table` before anything is known but a guess of the lens.
+    pub(super) fn unknown(table: &TrackTable, intrinsics: Intrinsics) -> Self {
+        Self { intrinsics, readout: 0.0, poses: vec![None; table.frames()], points: vec![None; table.points()] }
+    }
+
     /// Projection of a point into a frame, px, for a global shutter; `None` if either is unknown or the point is
     /// behind the camera.
     pub fn project(&self, frame: u32, point: u32) -> Option<Point2> {

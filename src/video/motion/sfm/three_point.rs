@@ -185,7 +185,7 @@ fn pose_of(x: &[Vec3; 3], in_camera: &[Vec3; 3]) -> Option<CameraPose> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose, rotation_error};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_pose, rotation_error};
 
     /// Three points of the first camera, seen by the second.
     fn sample(seed: u64) -> (CameraPose, [PointRay; 3]) {

@@ -104,6 +104,13 @@ impl TrackTable {
         f64::from(self.width.max(self.height)) / 640.0
     }
 
+    /// Cell of a position, row-major, in a grid of `columns` and `rows` over the picture; positions outside count to the
+    /// nearest cell.
+    pub(super) fn cell(&self, pixel: Point2, (columns, rows): (usize, usize)) -> usize {
+        let along = |v: f64, size: u32, n: usize| ((v / f64::from(size) * n as f64).max(0.0) as usize).min(n - 1);
+        along(pixel.y, self.height, rows) * columns + along(pixel.x, self.width, columns)
+    }
+
     /// Number of points.
     pub fn points(&self) -> usize {
         self.ids.len()

@@ -76,7 +76,7 @@ pub fn triangulate(anchor: Vec2, views: &[View]) -> Option<Triangulated> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, normal, random_pose};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, normal, random_pose};
 
     #[test]
     fn exact_rays_meet_at_the_point() {

@@ -35,7 +35,8 @@ use plumbline_num::run::{Run, Stopped};
 /// Steps of the final refinement of the essential matrix.
 const FINAL_STEPS: usize = 20;
 
-/// Minimum fraction of the pairs that the selected model must explain.
+/// Minimum fraction of the pairs that the selected model must explain: at this fraction 500 samples of five contain one of
+/// inliers only with a probability of 70 %, and the search becomes a matter of chance.
 const MIN_SUPPORT: f64 = 0.3;
 
 /// Minimum fraction of the pairs whose residual under the rotation exceeds three times the noise, for a translation to
@@ -104,9 +105,6 @@ pub struct TwoView {
     pub inliers: Vec<bool>,
     /// Median angle between the two rays of an inlier under the first pose, rad; 0 without a pose.
     pub median_angle: f64,
-    /// Fraction of the pairs within the threshold of `E` or `F` whose residual under a rotation with free focal length
-    /// exceeds three times the noise.
-    pub parallax_ratio: f64,
     /// Noise per coordinate, normalized image coordinates.
     pub noise: f64,
     /// The best rotation of the camera; `None` if none was found.
@@ -148,7 +146,6 @@ impl TwoView {
             poses: Vec::new(),
             inliers: vec![false; pairs],
             median_angle: 0.0,
-            parallax_ratio: 0.0,
             noise: 0.0,
             rotation: None,
             scores: TwoViewScores { essential: none, fundamental: none, homography: none, rotation: none },
@@ -260,8 +257,7 @@ impl Fits {
         }
         let rotation = self.rotation.map(|(t, _)| t);
         let median_angle = median_angle(&poses[0], pairs, &inliers);
-        let parallax_ratio = self.parallax_ratio(pairs, options, noise);
-        TwoView { verdict, poses, inliers, median_angle, parallax_ratio, noise, rotation, scores }
+        TwoView { verdict, poses, inliers, median_angle, noise, rotation, scores }
     }
 
     fn poses(
@@ -342,7 +338,9 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, direction_error, random_pose, random_unit, rotation_error};
+    use crate::motion::sfm::tests::synthetic_views::{
+        TwoViews, direction_error, random_pose, random_unit, rotation_error,
+    };
 
     const FOCAL: f64 = 576.0;
 
@@ -382,7 +380,7 @@ mod tests {
             assert_eq!(found.verdict, TwoViewVerdict::General, "seed {seed}: {:?}", found.scores);
             assert!(rotation_error(&found.poses[0], &pose) < 0.3_f64.to_radians(), "seed {seed}");
             assert!(direction_error(&found.poses[0], &pose) < 4.0_f64.to_radians(), "seed {seed}");
-            assert!(found.median_angle > 0.01 && found.parallax_ratio > 0.5, "seed {seed}");
+            assert!(found.median_angle > 0.01, "seed {seed}");
             assert!((found.noise * FOCAL - 0.3).abs() < 0.06, "seed {seed}: {}", found.noise * FOCAL);
         }
     }

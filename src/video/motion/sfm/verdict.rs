@@ -4,7 +4,8 @@
 //! observations better than homographies do ([`super::prediction`]), in a sufficient fraction of the frames and of the
 //! image, and if the focal length is determined.
 
-use super::figures::SfmFigures;
+use super::figures::{MIN_COVERAGE, SfmFigures};
+use super::mapper::WRONG_PX;
 
 /// Minimum triangulation angle, rad, median over points, of two frames that initialize a map: 3 px at usual focal
 /// lengths. The quality of the map itself is determined when it is complete.
@@ -13,7 +14,8 @@ pub(super) const MIN_ANGLE: f64 = 0.006;
 /// 0.34 to 0.64 (0.77 where the camera walks down a street, in the viewing direction); spurious depths of cameras that
 /// rotate or are static, 1.4 to 1.6; planes, for which a depth is one parameter too many, 2.
 const MAX_PREDICTED_FRACTION: f64 = 0.9;
-/// Minimum number of predicted observations for the test to apply.
+/// Minimum number of predicted observations for the test to apply: the root mean square of so many errors is known to 7 %
+/// (1/√200), less than the margin of [`MAX_PREDICTED_FRACTION`].
 const MIN_PREDICTED: usize = 100;
 /// Minimum parallax, in RMS residuals, median over points, for depth to be accepted if too few observations were
 /// predicted: the depth of a point observed twice is then known to a tenth.
@@ -22,14 +24,13 @@ const MIN_PARALLAX: f64 = 10.0;
 const PLANE_PARALLAX: f64 = 30.0;
 /// Minimum fraction of frames with a camera.
 const MIN_REGISTERED: f64 = 0.7;
-/// Maximum RMS reprojection error of accepted cameras, px at 640 px across.
-const MAX_RMS_PX: f64 = 1.5;
+/// Maximum RMS reprojection error of accepted cameras, px at 640 px across. Errors are counted up to [`WRONG_PX`]; spread
+/// evenly up to there, as those of wrong cameras, they have an RMS of `WRONG_PX/√2`.
+const MAX_RMS_PX: f64 = 0.5 * WRONG_PX;
 /// Maximum standard deviation of `ln f` of an accepted focal length.
 const MAX_SIGMA_LN_FOCAL: f64 = 0.3;
 /// Maximum radial term of an accepted lens: fisheyes have 0.3.
 const MAX_K1: f64 = 0.5;
-/// Minimum fraction of the grid cells with points, mean over frames.
-const MIN_COVERAGE: f64 = 0.35;
 
 /// Kind of camera path that the tracks of a shot determine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

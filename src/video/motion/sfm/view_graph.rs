@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::correspondence::Correspondence;
 use super::focal::{FocalEstimate, FocalOptions, estimate_focal};
+use super::mapper::MIN_POINTS;
 use super::two_view::{TwoView, TwoViewOptions, TwoViewVerdict, two_view};
 use super::{Match, TrackTable};
 use plumbline_camera::Intrinsics;
@@ -12,8 +13,6 @@ use plumbline_num::run::{Run, Stopped};
 
 /// Steps between the keyframes of a pair: close ones share most points, distant ones have most parallax.
 const STRIDES: [usize; 5] = [1, 2, 3, 5, 8];
-/// Minimum number of points that a pair must share.
-const MIN_SHARED: usize = 40;
 /// Maximum number of pairs for the estimate of the focal length.
 const FOCAL_PAIRS: usize = 16;
 
@@ -58,7 +57,7 @@ pub(super) fn view_graph(
     let options = TwoViewOptions { max_focal_ratio, ..TwoViewOptions::for_focal(camera.focal / unit) };
     let judged = pairs.par_iter().map(|&(first, second)| {
         let mut matches = table.shared(first, second);
-        if matches.len() < MIN_SHARED {
+        if matches.len() < MIN_POINTS {
             return Ok(None);
         }
         let mut rays = Vec::with_capacity(matches.len());

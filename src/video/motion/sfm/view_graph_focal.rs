@@ -61,7 +61,7 @@ fn deviation_squared(fundamental: &Matrix3<f64>, focal: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::sfm::synthetic_views::{TwoViews, random_pose};
+    use crate::motion::sfm::tests::synthetic_views::{TwoViews, random_pose};
 
     /// `F` of two random views of focal length `f` whose optical axes are at least 0.1 rad from intersecting.
     fn fundamental(f: f64, rng: &mut fastrand::Rng) -> Matrix3<f64> {

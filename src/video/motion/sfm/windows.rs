@@ -20,9 +20,10 @@ use plumbline_num::run::{Run, Stopped};
 pub(super) const MIN_WINDOW_FRAMES: usize = 25;
 /// Maximum gap without cameras, in frames, between two stretches that are bridged to one.
 const BRIDGED: usize = 8;
-/// Maximum recursion depth of the splitting of a stretch.
+/// Maximum recursion depth of the splitting of a stretch: no frame is solved more than three times.
 const DEPTH: usize = 2;
-/// Minimum standard deviation of `ln f` in the prior from the previous window.
+/// Minimum standard deviation of `ln f` in the prior from the previous window: it moves the border of the picture by 0.6 px at
+/// 640 px across, the accuracy of tracks.
 const STEADY_FOCAL: f64 = 2e-3;
 
 /// Partition of long shots into windows.

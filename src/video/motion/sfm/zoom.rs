@@ -64,7 +64,7 @@ mod tests {
     use super::*;
     use crate::motion::sfm::TrackTable;
     use crate::motion::sfm::keyframes::keyframes;
-    use crate::motion::sfm::synthetic::{Course, Shot, ShotOptions};
+    use crate::motion::sfm::tests::synthetic::{Course, Shot, ShotOptions};
     use crate::motion::sfm::view_graph::view_graph;
     use plumbline_num::math::Point2;
 

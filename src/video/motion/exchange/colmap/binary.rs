@@ -2,7 +2,9 @@
 
 use std::io::{self, Write};
 
-use super::{Camera, ColmapError, Image, ImageObservation, LENSES, Model, Point, SIMPLE_RADIAL, lens, rotation_of};
+use super::{
+    Camera, ColmapError, EXPECTED_LENS, Image, ImageObservation, LENSES, Model, Point, SIMPLE_RADIAL, lens, rotation_of,
+};
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::Point2;
 
@@ -70,13 +72,12 @@ pub(super) fn read_cameras(bytes: &[u8]) -> Result<Vec<Camera>, ColmapError> {
     bytes.entries(24, |bytes| {
         let (id, number) = (bytes.u32()?, bytes.u32()?);
         let (width, height) = (bytes.u64()?, bytes.u64()?);
-        let refused = |location: String, found| ColmapError::Lens { file: "cameras.bin", location, found };
         let Some((_, name, count)) = LENSES.iter().find(|(n, ..)| *n == number) else {
-            return Err(refused(bytes.location(), format!("number {number}")));
+            return Err(bytes.wrong(format!("camera model number {number}"), EXPECTED_LENS));
         };
         let parameters = (0..*count).map(|_| bytes.float()).collect::<Result<Vec<_>, _>>()?;
-        let found = || refused(bytes.location(), format!("{name} {parameters:?}"));
-        let intrinsics = lens(name, &parameters).ok_or_else(found)?;
+        let refused = || bytes.wrong(format!("camera model {name} {parameters:?}"), EXPECTED_LENS);
+        let intrinsics = lens(name, &parameters).ok_or_else(refused)?;
         Ok(Camera { id, width, height, intrinsics })
     })
 }
@@ -123,12 +124,8 @@ impl<'a> Bytes<'a> {
         Self { file, rest, entry: 0 }
     }
 
-    fn location(&self) -> String {
-        format!("entry {}", self.entry)
-    }
-
     fn wrong(&self, found: String, expected: &'static str) -> ColmapError {
-        ColmapError::Value { file: self.file, location: self.location(), found, expected }
+        ColmapError::Value { file: self.file, location: format!("entry {}", self.entry), found, expected }
     }
 
     fn take(&mut self, count: usize) -> Result<&'a [u8], ColmapError> {

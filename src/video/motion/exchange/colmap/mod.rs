@@ -104,7 +104,7 @@ pub enum ColmapError {
         /// The folder.
         folder: PathBuf,
     },
-    /// An invalid value.
+    /// An invalid value, or a camera model that is not supported.
     #[error("{file}, {location}: {found} (expected {expected})")]
     Value {
         /// Name of the file.
@@ -115,19 +115,6 @@ pub enum ColmapError {
         found: String,
         /// Allowed values.
         expected: &'static str,
-    },
-    /// A camera model that is not supported.
-    #[error(
-        "{file}, {location}: camera model {found} (expected SIMPLE_PINHOLE, PINHOLE with fx = fy, SIMPLE_RADIAL, or RADIAL with \
-         k2 = 0); undistort the model, or solve it again with SIMPLE_RADIAL"
-    )]
-    Lens {
-        /// Name of the file.
-        file: &'static str,
-        /// Location in it.
-        location: String,
-        /// The model.
-        found: String,
     },
     /// The model does not fit the clip.
     #[error("{0}")]
@@ -206,7 +193,7 @@ impl Model {
 const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 /// The rotation of `[w, x, y, z]`; `None` for another norm than 1.
-fn rotation_of([w, x, y, z]: [f64; 4]) -> Option<nalgebra::UnitQuaternion<f64>> {
+pub(crate) fn rotation_of([w, x, y, z]: [f64; 4]) -> Option<nalgebra::UnitQuaternion<f64>> {
     let q = nalgebra::Quaternion::new(w, x, y, z);
     ((q.norm() - 1.0).abs() <= QUATERNION_TOLERANCE).then(|| nalgebra::UnitQuaternion::new_normalize(q))
 }
@@ -214,6 +201,9 @@ fn rotation_of([w, x, y, z]: [f64; 4]) -> Option<nalgebra::UnitQuaternion<f64>> 
 /// Parameters of the lenses that can be read: COLMAP's number, name, number of parameters.
 const LENSES: [(u32, &str, usize); 4] =
     [(0, "SIMPLE_PINHOLE", 3), (1, "PINHOLE", 4), (2, "SIMPLE_RADIAL", 4), (3, "RADIAL", 5)];
+/// What [`lens`] expects.
+const EXPECTED_LENS: &str = "SIMPLE_PINHOLE, PINHOLE with fx = fy, SIMPLE_RADIAL, or RADIAL with k2 = 0; undistort the model, or \
+                             solve it again with SIMPLE_RADIAL";
 /// The one written.
 const SIMPLE_RADIAL: (u32, &str) = (2, "SIMPLE_RADIAL");
 

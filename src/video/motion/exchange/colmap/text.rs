@@ -2,7 +2,9 @@
 
 use std::io::{self, Write};
 
-use super::{Camera, ColmapError, Image, ImageObservation, LENSES, Model, Point, SIMPLE_RADIAL, lens, rotation_of};
+use super::{
+    Camera, ColmapError, EXPECTED_LENS, Image, ImageObservation, LENSES, Model, Point, SIMPLE_RADIAL, lens, rotation_of,
+};
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::Point2;
 
@@ -61,11 +63,8 @@ pub(super) fn read_cameras(bytes: &[u8]) -> Result<Vec<Camera>, ColmapError> {
         let parameters = line.rest("the parameters of the lens, finite numbers")?;
         let known = LENSES.iter().any(|(_, name, count)| *name == model && *count == parameters.len());
         let intrinsics = known.then(|| lens(model, &parameters)).flatten();
-        let intrinsics = intrinsics.ok_or_else(|| ColmapError::Lens {
-            file: line.file,
-            location: line.location(),
-            found: format!("{model} {parameters:?}"),
-        })?;
+        let refused = || line.wrong(format!("camera model {model} {parameters:?}"), EXPECTED_LENS);
+        let intrinsics = intrinsics.ok_or_else(refused)?;
         cameras.push(Camera { id, width, height, intrinsics });
     }
     Ok(cameras)
@@ -159,12 +158,8 @@ struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    fn location(&self) -> String {
-        format!("line {}", self.number)
-    }
-
     fn wrong(&self, found: String, expected: &'static str) -> ColmapError {
-        ColmapError::Value { file: self.file, location: self.location(), found, expected }
+        ColmapError::Value { file: self.file, location: format!("line {}", self.number), found, expected }
     }
 
     fn is_done(&self) -> bool {

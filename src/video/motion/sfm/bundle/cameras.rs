@@ -21,7 +21,7 @@ pub(super) struct Cameras {
 }
 
 impl Cameras {
-    /// Cameras without poses; [`Self::place`] sets them.
+    /// Cameras without poses; [`Self::set`] sets them.
     pub(super) fn new(layout: &Layout, center: Point2) -> Self {
         let origin = View { rotation: Matrix3::identity(), translation: Vec3::zeros() };
         let frames = layout.slot.len();
@@ -34,7 +34,7 @@ impl Cameras {
     }
 
     /// Sets the cameras in use from the parameters.
-    pub(super) fn place(&mut self, parameters: &Parameters, layout: &Layout) {
+    pub(super) fn set(&mut self, parameters: &Parameters, layout: &Layout) {
         self.lens.focal = parameters.shared[LN_FOCAL].exp();
         self.lens.k1 = parameters.shared[K1];
         self.readout = parameters.shared[READOUT];

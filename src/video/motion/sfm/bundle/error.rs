@@ -17,21 +17,8 @@ pub enum BundleError {
         what: String,
     },
     /// Input: no points to adjust.
-    #[error("{found} points are seen by two known frames (expected at least {least}); triangulate first")]
-    TooFewPoints {
-        /// Number of usable points.
-        found: usize,
-        /// Required minimum.
-        least: usize,
-    },
-    /// Input: too few points for a pose.
-    #[error("{found} known points are seen (expected at least {least}); a pose needs more")]
-    TooFewObservations {
-        /// Number of observations of known points.
-        found: usize,
-        /// Required minimum.
-        least: usize,
-    },
+    #[error("0 points are seen by two known frames (expected at least 1); triangulate first")]
+    NoPoints,
     /// The run was interrupted, or its time limit was reached.
     #[error(transparent)]
     Interrupted(#[from] Stopped),

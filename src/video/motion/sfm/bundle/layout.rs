@@ -14,7 +14,6 @@ pub(super) const POSE: usize = 6;
 /// Number of parts of the tracks that are accumulated in parallel. Each part has a reduced system of its own, as large
 /// as the whole one: with four parts, clearing and adding these systems takes a third of the time of the accumulation
 /// itself.
-/// four of them the time to clear and to add them is a third of that to sum them up.
 const PARTS: usize = 2;
 
 /// An image observation of a track.
@@ -201,7 +200,7 @@ fn grouped(scene: &Scene, observations: &[Observation]) -> Result<Groups, Bundle
         groups.tracks.push((anchor, start..groups.observations.len()));
     }
     if groups.points.is_empty() {
-        return Err(BundleError::TooFewPoints { found: 0, least: 1 });
+        return Err(BundleError::NoPoints);
     }
     Ok(groups)
 }

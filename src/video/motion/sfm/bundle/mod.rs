@@ -26,7 +26,6 @@ mod options;
 mod parameters;
 mod problem;
 mod rescue;
-mod resect;
 mod residual;
 mod residuals;
 mod robust_loss;
@@ -36,7 +35,6 @@ mod structure;
 
 pub use error::BundleError;
 pub use options::{BundleOptions, Freedom, RobustFit};
-pub use resect::{Resection, resect};
 pub use residuals::{ObservationResidual, residuals};
 pub use structure::refine_points;
 

@@ -107,23 +107,21 @@ impl<'a> Adjustment<'a> {
     /// one such point must not reject the step. Without this, a rotating camera that is modeled as one moving before a
     /// plane has rotation errors of 3.7 degrees instead of 0.1 (`docs/ABLATIONS.md`).
     fn settled(&self, index: usize, stepped: Ray) -> (Ray, f64) {
-        let track = &self.layout.tracks[index];
-        let observations = &self.layout.observations[track.observations.clone()];
         let unmoved = self.present.points[index];
-        let problem = |start| {
-            PointProblem::new(
-                &self.cameras,
-                (track.anchor, observations),
-                (self.robust_loss, self.beyond[index]),
-                start,
-            )
-        };
-        let cost = problem(stepped).cost(&stepped);
-        if !(cost > 2.0 * self.costs[index] + observations.len() as f64) {
+        let cost = self.of_point(index, stepped).cost(&stepped);
+        if !(cost > 2.0 * self.costs[index] + self.layout.tracks[index].observations.len() as f64) {
             return (stepped, cost);
         }
-        let start = if problem(unmoved).cost(&unmoved) < cost { unmoved } else { stepped };
-        problem(start).search(&SETTLING)
+        let start = if self.of_point(index, unmoved).cost(&unmoved) < cost { unmoved } else { stepped };
+        self.of_point(index, start).search(&SETTLING)
+    }
+
+    /// The optimization of the point of a track alone.
+    fn of_point(&self, index: usize, start: Ray) -> PointProblem<'_> {
+        let track = &self.layout.tracks[index];
+        let observations = &self.layout.observations[track.observations.clone()];
+        let robust = (self.robust_loss, self.beyond[index]);
+        PointProblem::new(&self.cameras, (track.anchor, observations), robust, start)
     }
 
     /// Searches again, with the cameras fixed, for the points whose observations have large residuals
@@ -141,8 +139,7 @@ impl<'a> Adjustment<'a> {
             }
             let own = observations.iter().find(|s| s.frame == track.anchor);
             let Some(own_ray) = own.and_then(|s| self.cameras.lens().undistorted(s.pixel)) else { continue };
-            let robust = (self.robust_loss, self.beyond[index]);
-            let problem = |start| PointProblem::new(&self.cameras, (track.anchor, observations), robust, start);
+            let problem = |start| self.of_point(index, start);
             if let Some((ray, _)) = rescue::search(problem, own_ray, typical, self.costs[index]) {
                 self.present.points[index] = ray;
             }
@@ -158,7 +155,7 @@ impl<'a> Adjustment<'a> {
 
 impl DampedProblem for Adjustment<'_> {
     fn linearize(&mut self) {
-        self.cameras.place(&self.present, self.layout);
+        self.cameras.set(&self.present, self.layout);
         self.normal.assemble(self.layout, &self.cameras, &self.present, &self.robust_loss);
         self.add_priors();
     }
@@ -181,7 +178,7 @@ impl DampedProblem for Adjustment<'_> {
     }
 
     fn trial_cost(&mut self) -> f64 {
-        self.cameras.place(&self.trial, self.layout);
+        self.cameras.set(&self.trial, self.layout);
         let (mut points, mut costs) = (std::mem::take(&mut self.trial.points), std::mem::take(&mut self.trial_costs));
         let each = points.par_iter_mut().zip(&mut costs).enumerate();
         each.with_min_len(64).for_each(|(index, (ray, cost))| (*ray, *cost) = self.settled(index, *ray));

@@ -1,8 +1,6 @@
 //! Reprojection residuals of a scene, row motion included.
 
-use super::cameras::Cameras;
-use super::layout::Layout;
-use super::parameters::SHARED;
+use super::structure::fixed_cameras;
 use crate::motion::sfm::{Observation, Scene};
 
 /// The length of a residual.
@@ -21,13 +19,7 @@ pub struct ObservationResidual {
 /// Residuals of the observations of known points by known frames, for points observed in at least two frames, ordered
 /// by point. Empty for a scene that is not finite.
 pub fn residuals(scene: &Scene, observations: &[Observation]) -> Vec<ObservationResidual> {
-    let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
-    let Ok(layout) = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0) else {
-        return Vec::new();
-    };
-    let parameters = layout.parameters(scene);
-    let mut cameras = Cameras::new(&layout, scene.intrinsics.center);
-    cameras.place(&parameters, &layout);
+    let Ok((layout, parameters, cameras)) = fixed_cameras(scene, observations) else { return Vec::new() };
     let mut found = Vec::with_capacity(layout.observations.len());
     for (track, ray) in layout.tracks.iter().zip(&parameters.points) {
         let point = cameras.anchored(ray, track.anchor);

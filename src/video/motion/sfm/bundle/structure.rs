@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::cameras::Cameras;
 use super::layout::{Layout, TrackObservation};
-use super::parameters::{Ray, SHARED};
+use super::parameters::{Parameters, Ray, SHARED};
 use super::problem::depth_priors;
 use super::residual::Linearized;
 use super::robust_loss::RobustLoss;
@@ -92,6 +92,19 @@ impl DampedProblem for PointProblem<'_> {
     }
 }
 
+/// The problem in which only points are free, its parameters and its cameras.
+pub(super) fn fixed_cameras(
+    scene: &Scene,
+    observations: &[Observation],
+) -> Result<(Layout, Parameters, Cameras), BundleError> {
+    let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
+    let layout = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0)?;
+    let parameters = layout.parameters(scene);
+    let mut cameras = Cameras::new(&layout, scene.intrinsics.center);
+    cameras.set(&parameters, &layout);
+    Ok((layout, parameters, cameras))
+}
+
 /// Refines every known point observed in at least two known frames, each alone; poses, lens and readout are fixed.
 /// Returns the number of points.
 ///
@@ -104,11 +117,7 @@ pub fn refine_points(
     run: &Run,
 ) -> Result<usize, BundleError> {
     fit.check()?;
-    let frames: Vec<u32> = (0..scene.poses.len() as u32).collect();
-    let layout = Layout::new(scene, observations, &frames, [false; SHARED], scene.readout != 0.0)?;
-    let mut parameters = layout.parameters(scene);
-    let mut cameras = Cameras::new(&layout, scene.intrinsics.center);
-    cameras.place(&parameters, &layout);
+    let (layout, mut parameters, cameras) = fixed_cameras(scene, observations)?;
     let beyond = depth_priors(&layout, &parameters, fit.sigma_px);
     let tracks = layout.tracks.par_iter().zip(&beyond);
     parameters.points.par_iter_mut().zip(tracks).try_for_each(|(ray, (track, &beyond))| {

@@ -1,8 +1,8 @@
 //! Laws of the adjustment as a whole, on synthetic shots.
 
 use super::*;
-use crate::motion::sfm::synthetic::{Course, Disturbance, PathError, Shot, ShotOptions, path_error};
-use plumbline_camera::{CameraPose, Vec3};
+use crate::motion::sfm::tests::synthetic::{Course, Disturbance, PathError, Shot, ShotOptions, path_error};
+use plumbline_camera::CameraPose;
 use plumbline_num::energy::Loss;
 use plumbline_num::run::Run;
 
@@ -148,26 +148,6 @@ fn the_result_does_not_depend_on_the_order_of_observations() {
 }
 
 #[test]
-fn a_pose_is_found_from_points_in_spite_of_outliers() {
-    for readout in [0.0, 0.6] {
-        let shot = Shot::new(&ShotOptions { seed: 12, readout, outliers: 0.2, frames: 30, ..ShotOptions::default() });
-        let mut scene = shot.truth.clone();
-        let truth = scene.poses[20].take().expect("known");
-        let start = truth.perturbed(&Vec3::new(0.02, -0.01, 0.01), &Vec3::new(0.05, 0.02, -0.06));
-        let found = resect(&scene, 20, start, &shot.observations, &RobustFit::default(), &Run::default())
-            .expect("enough points");
-        // Under Cauchy's loss an outlier of length r has influence c²/r: 30 of 150, in random directions, move an
-        // image by some hundredth of a pixel, which is half a millimeter at 30 m. A row's motion is interpolated to a
-        // few hundredths of a pixel.
-        let limit = if readout == 0.0 { 1e-3 } else { 2e-3 };
-        let apart = (found.pose.center() - truth.center()).norm();
-        assert!(found.converged && apart < limit, "readout {readout}: {apart} {}", found.converged);
-        let flagged = found.residuals_px.iter().filter(|(i, r)| (*r > 2.0) != shot.is_outlier[*i]).count();
-        assert!(flagged * 20 < found.residuals_px.len(), "{flagged} of {}", found.residuals_px.len());
-    }
-}
-
-#[test]
 fn points_alone_return_to_their_positions() {
     let shot = Shot::new(&ShotOptions { seed: 13, frames: 24, k1: -0.05, ..ShotOptions::default() });
     let mut scene = shot.truth.clone();
@@ -212,7 +192,4 @@ fn bad_input_is_refused_and_the_scene_left_alone() {
     let mut bad = scene.clone();
     bad.points[3].as_mut().expect("known").inverse_depth = f64::INFINITY;
     assert_eq!(refused(&bad, seen, &plain), format!("point 3 {not_finite}"));
-    let start = scene.poses[1].expect("known");
-    let error = resect(scene, 1, start, &seen[..3], &RobustFit::default(), &Run::default()).expect_err("too few");
-    assert_eq!(error.to_string(), "0 known points are seen (expected at least 4); a pose needs more");
 }

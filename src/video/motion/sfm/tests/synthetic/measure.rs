@@ -6,20 +6,20 @@ use plumbline_camera::{CameraPose, Vec3};
 
 /// Errors of camera paths after similarity alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathError {
+pub(crate) struct PathError {
     /// Root mean square distance of the centers, as a fraction of the length of the true path.
-    pub position: f64,
+    pub(crate) position: f64,
     /// Root mean square angle between the cameras' axes, rad, after alignment by a common rotation.
-    pub rotation: f64,
+    pub(crate) rotation: f64,
     /// Root mean square angular error of the rotations from one frame to the next, rad.
-    pub frame_to_frame: f64,
+    pub(crate) frame_to_frame: f64,
 }
 
 /// Compares the frames known to both paths.
 ///
 /// # Reference
 /// S. Umeyama, *Least-squares estimation of transformation parameters between two point patterns*, PAMI 13 (1991).
-pub fn path_error(found: &[Option<CameraPose>], truth: &[Option<CameraPose>]) -> PathError {
+pub(crate) fn path_error(found: &[Option<CameraPose>], truth: &[Option<CameraPose>]) -> PathError {
     let pairs: Vec<_> = found.iter().zip(truth).filter_map(|(f, t)| Some(((*f)?, (*t)?))).collect();
     let n = pairs.len().max(1) as f64;
     let mean = |of: fn(&(CameraPose, CameraPose)) -> Vec3| pairs.iter().map(of).sum::<Vec3>() / n;

@@ -13,7 +13,7 @@ const BAND: (f64, f64) = (1.0 / 30.0, 7.0 / 30.0);
 
 /// The intended camera motion, without shake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Course {
+pub(crate) enum Course {
     /// Forward along an arc, with a slow pan.
     Walk,
     /// Sideways.
@@ -24,7 +24,7 @@ pub enum Course {
 
 /// Camera poses as a function of time, in frames.
 #[derive(Clone, Debug)]
-pub struct ShakyPath {
+pub(crate) struct ShakyPath {
     course: Course,
     frames: f64,
     /// Three rotation channels, rad, then three translation channels: amplitude, frequency and phase of each sine.
@@ -33,7 +33,7 @@ pub struct ShakyPath {
 
 impl ShakyPath {
     /// A path over `frames` frames; `shake` scales a typical hand's 0.6° and 2 cm.
-    pub fn new(course: Course, frames: usize, shake: f64, rng: &mut fastrand::Rng) -> Self {
+    pub(crate) fn new(course: Course, frames: usize, shake: f64, rng: &mut fastrand::Rng) -> Self {
         let shift = if course == Course::Rotation { 0.0 } else { 0.02 };
         let sizes = [0.0105, 0.0105, 0.0063, shift, shift, 0.6 * shift];
         let sines = sizes.map(|size| {
@@ -50,7 +50,7 @@ impl ShakyPath {
     }
 
     /// `cam_from_world` at a time.
-    pub fn pose(&self, time: f64) -> CameraPose {
+    pub(crate) fn pose(&self, time: f64) -> CameraPose {
         let shake = |channel: usize| -> f64 {
             self.sines[channel].iter().map(|(a, f, p)| a * (TAU * f * time + p).sin()).sum()
         };

@@ -6,8 +6,8 @@
 mod measure;
 mod path;
 
-pub use measure::{PathError, path_error};
-pub use path::{Course, ShakyPath};
+pub(crate) use measure::{PathError, path_error};
+pub(crate) use path::{Course, ShakyPath};
 
 use nalgebra::UnitQuaternion;
 
@@ -17,29 +17,29 @@ use plumbline_num::math::{Point2, Vec2};
 
 /// Options of a synthetic shot.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ShotOptions {
+pub(crate) struct ShotOptions {
     /// Random seed.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Number of frames.
-    pub frames: usize,
+    pub(crate) frames: usize,
     /// Points seen in each frame.
-    pub per_frame: usize,
+    pub(crate) per_frame: usize,
     /// Mean duration of a track, frames, if the point stays in the image.
-    pub lifetime: f64,
+    pub(crate) lifetime: f64,
     /// How the camera moves.
-    pub course: Course,
+    pub(crate) course: Course,
     /// Amplitude of the shake. 1: hand-held; 0: a dolly without shake.
-    pub shake: f64,
+    pub(crate) shake: f64,
     /// Focal length, px; the image has 640 × 360 px.
-    pub focal: f64,
+    pub(crate) focal: f64,
     /// Radial term.
-    pub k1: f64,
+    pub(crate) k1: f64,
     /// Readout, frame periods.
-    pub readout: f64,
+    pub(crate) readout: f64,
     /// Standard deviation of the observation noise, px, in x and in y.
-    pub noise_px: f64,
+    pub(crate) noise_px: f64,
     /// Fraction of outliers: observations uniformly distributed within 40 px of the true position.
-    pub outliers: f64,
+    pub(crate) outliers: f64,
 }
 
 impl Default for ShotOptions {
@@ -63,26 +63,26 @@ impl Default for ShotOptions {
 
 /// A shot with its ground truth.
 #[derive(Clone, Debug)]
-pub struct Shot {
+pub(crate) struct Shot {
     /// The true scene.
-    pub truth: Scene,
+    pub(crate) truth: Scene,
     /// Observations, by frame.
-    pub observations: Vec<Observation>,
+    pub(crate) observations: Vec<Observation>,
     /// Which of the observations are outliers.
-    pub is_outlier: Vec<bool>,
+    pub(crate) is_outlier: Vec<bool>,
 }
 
 /// Deviation of an initial guess from the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Disturbance {
+pub(crate) struct Disturbance {
     /// Rotation of every camera about a random axis, rad.
-    pub rotation: f64,
+    pub(crate) rotation: f64,
     /// Translation of every camera in a random direction, as a fraction of the path's length.
-    pub shift: f64,
+    pub(crate) shift: f64,
     /// Maximum factor by which depths are multiplied or divided.
-    pub depth_factor: f64,
+    pub(crate) depth_factor: f64,
     /// Ratio of the focal length to the true one.
-    pub focal_factor: f64,
+    pub(crate) focal_factor: f64,
 }
 
 const SIZE: (f64, f64) = (640.0, 360.0);
@@ -100,7 +100,7 @@ struct Followed {
 
 impl Shot {
     /// Generates a shot.
-    pub fn new(options: &ShotOptions) -> Self {
+    pub(crate) fn new(options: &ShotOptions) -> Self {
         let mut rng = fastrand::Rng::with_seed(options.seed);
         let path = ShakyPath::new(options.course, options.frames, options.shake, &mut rng);
         let lens = Intrinsics { k1: options.k1, ..Intrinsics::centered(options.focal, SIZE.0 as u32, SIZE.1 as u32) };
@@ -119,7 +119,7 @@ impl Shot {
     }
 
     /// Output of a tracker: per frame the observed points and their positions, ordered by point.
-    pub fn frames(&self) -> Vec<Vec<(u32, Point2)>> {
+    pub(crate) fn frames(&self) -> Vec<Vec<(u32, Point2)>> {
         let mut frames = vec![Vec::new(); self.truth.poses.len()];
         self.observations.iter().for_each(|o| frames[o.frame as usize].push((o.point, o.pixel)));
         for frame in &mut frames {
@@ -129,7 +129,7 @@ impl Shot {
     }
 
     /// The same as a [`TrackTable`].
-    pub fn table(&self) -> TrackTable {
+    pub(crate) fn table(&self) -> TrackTable {
         TrackTable::new(SIZE.0 as u32, SIZE.1 as u32, self.frames())
     }
 
@@ -172,7 +172,7 @@ impl Shot {
     }
 
     /// An initial guess for an adjustment: the disturbed truth, with `k₁` and readout unknown.
-    pub fn start(&self, disturbance: &Disturbance, seed: u64) -> Scene {
+    pub(crate) fn start(&self, disturbance: &Disturbance, seed: u64) -> Scene {
         let mut rng = fastrand::Rng::with_seed(seed);
         let mut scene = self.truth.clone();
         let centers: Vec<_> = scene.poses.iter().flatten().map(CameraPose::center).collect();

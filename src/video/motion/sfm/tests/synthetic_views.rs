@@ -2,11 +2,11 @@
 
 use nalgebra::{Matrix3, UnitQuaternion};
 
-use super::correspondence::Correspondence;
+use crate::motion::sfm::correspondence::Correspondence;
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::Vec2;
 
-pub(super) fn random_unit(rng: &mut fastrand::Rng) -> Vec3 {
+pub(crate) fn random_unit(rng: &mut fastrand::Rng) -> Vec3 {
     loop {
         let v = Vec3::from_fn(|_, _| 2.0 * rng.f64() - 1.0);
         if v.norm() > 0.1 && v.norm() < 1.0 {
@@ -16,32 +16,32 @@ pub(super) fn random_unit(rng: &mut fastrand::Rng) -> Vec3 {
 }
 
 /// A standard normal variable, approximated by the sum of twelve uniform ones: mean 0, variance 1.
-pub(super) fn normal(rng: &mut fastrand::Rng) -> f64 {
+pub(crate) fn normal(rng: &mut fastrand::Rng) -> f64 {
     (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0
 }
 
 /// A pose with a rotation of up to `angle` rad and a translation of length `baseline`.
-pub(super) fn random_pose(rng: &mut fastrand::Rng, angle: f64, baseline: f64) -> CameraPose {
+pub(crate) fn random_pose(rng: &mut fastrand::Rng, angle: f64, baseline: f64) -> CameraPose {
     let rotation = UnitQuaternion::from_scaled_axis(random_unit(rng) * angle * rng.f64());
     CameraPose { rotation, translation: random_unit(rng) * baseline }
 }
 
 /// Points in front of both cameras of the pose `second_from_first`.
 #[derive(Clone, Debug)]
-pub(super) struct TwoViews {
-    pub(super) second_from_first: CameraPose,
-    pub(super) points: Vec<Point3>,
-    pub(super) correspondences: Vec<Correspondence>,
+pub(crate) struct TwoViews {
+    pub(crate) second_from_first: CameraPose,
+    pub(crate) points: Vec<Point3>,
+    pub(crate) correspondences: Vec<Correspondence>,
 }
 
 impl TwoViews {
     /// Points at depths 4 to 12, image coordinates within 0.55 × 0.31 (a focal length of 0.9 widths).
-    pub(super) fn general(pose: CameraPose, n: usize, rng: &mut fastrand::Rng) -> Self {
+    pub(crate) fn general(pose: CameraPose, n: usize, rng: &mut fastrand::Rng) -> Self {
         Self::from_depths(pose, n, rng, |_, rng| 4.0 + 8.0 * rng.f64())
     }
 
     /// Points on a slanted plane.
-    pub(super) fn planar(pose: CameraPose, n: usize, rng: &mut fastrand::Rng) -> Self {
+    pub(crate) fn planar(pose: CameraPose, n: usize, rng: &mut fastrand::Rng) -> Self {
         let normal = Vec3::new(0.3, -0.4, 1.0);
         Self::from_depths(pose, n, rng, |ray, _| 6.0 / normal.dot(&ray))
     }
@@ -66,13 +66,13 @@ impl TwoViews {
     }
 
     /// `[t]× R` with singular values (1, 1, 0).
-    pub(super) fn essential(&self) -> Matrix3<f64> {
+    pub(crate) fn essential(&self) -> Matrix3<f64> {
         let t = self.second_from_first.translation.normalize();
         t.cross_matrix() * self.second_from_first.rotation.to_rotation_matrix().matrix()
     }
 
     /// Adds normal noise of standard deviation `sigma` to all coordinates of both views.
-    pub(super) fn with_noise(mut self, sigma: f64, rng: &mut fastrand::Rng) -> Self {
+    pub(crate) fn with_noise(mut self, sigma: f64, rng: &mut fastrand::Rng) -> Self {
         for c in &mut self.correspondences {
             let shift = |rng: &mut fastrand::Rng| Vec2::new(normal(rng), normal(rng)) * sigma;
             *c = Correspondence::new(c.first.xy() + shift(rng), c.second.xy() + shift(rng));
@@ -81,7 +81,7 @@ impl TwoViews {
     }
 
     /// Replaces the second view of the first `fraction` of the points by random image positions.
-    pub(super) fn with_outliers(mut self, fraction: f64, rng: &mut fastrand::Rng) -> Self {
+    pub(crate) fn with_outliers(mut self, fraction: f64, rng: &mut fastrand::Rng) -> Self {
         let wrong = (fraction * self.correspondences.len() as f64) as usize;
         for c in &mut self.correspondences[..wrong] {
             c.second = Vec3::new(1.1 * (rng.f64() - 0.5), 0.62 * (rng.f64() - 0.5), 1.0);
@@ -91,11 +91,11 @@ impl TwoViews {
 }
 
 /// Angle of the rotation between two poses, rad.
-pub(super) fn rotation_error(a: &CameraPose, b: &CameraPose) -> f64 {
+pub(crate) fn rotation_error(a: &CameraPose, b: &CameraPose) -> f64 {
     a.rotation.angle_to(&b.rotation)
 }
 
 /// Angle between the directions of two translations, rad.
-pub(super) fn direction_error(a: &CameraPose, b: &CameraPose) -> f64 {
+pub(crate) fn direction_error(a: &CameraPose, b: &CameraPose) -> f64 {
     a.translation.angle(&b.translation)
 }
