@@ -84,7 +84,7 @@ pub trait Stage:
 
     /// How the result depends on time.
     fn over_time(&self) -> TemporalScope {
-        TemporalScope::Map
+        Self::Input::OVER_TIME
     }
 
     /// The memory that it needs while it runs.

@@ -6,6 +6,7 @@
 
 use std::any::Any;
 
+use super::kind::TemporalScope;
 use super::port::{Arity, Port, PortType};
 use super::run_error::RunError;
 use crate::stages::context::Context;
@@ -42,6 +43,8 @@ pub trait OutputValue: Sized {
 pub trait Inputs: Sized {
     /// The ports that it fits; `None`: any.
     const FITS: Option<&'static [InputType]>;
+    /// How the result of a stage with these inputs depends on time, unless the stage says otherwise.
+    const OVER_TIME: TemporalScope;
 
     /// The values at `ports` of stage number `stage`.
     ///
@@ -124,6 +127,7 @@ impl OutputValue for Written {
 
 impl Inputs for Wired {
     const FITS: Option<&'static [InputType]> = None;
+    const OVER_TIME: TemporalScope = TemporalScope::Map;
 
     fn take(_context: &Context<'_, '_>, stage: usize, _ports: &'static [Port]) -> Result<Self, RunError> {
         Ok(Self { stage })
@@ -141,6 +145,7 @@ macro_rules! tuples {
     ($($($name:ident $index:tt)*;)*) => {$(
         impl<$($name: InputValue),*> Inputs for ($($name,)*) {
             const FITS: Option<&'static [InputType]> = Some(&[$($name::FITS),*]);
+            const OVER_TIME: TemporalScope = TemporalScope::Once;
 
             #[allow(unused_variables, clippy::unused_unit)] // of no input
             fn take(context: &Context<'_, '_>, stage: usize, ports: &'static [Port]) -> Result<Self, RunError> {

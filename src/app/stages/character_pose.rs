@@ -5,16 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Matrix4, Point3};
-use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::context::Context;
 use super::mesh::binding;
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::character::ik::{IkMethod, interpolate};
 use plumbline_shape::character::io::{Rig, character_of};
@@ -26,6 +21,7 @@ use plumbline_shape::character::{
     Character, CharacterError, DetailRefiner, Extrapolation, Pose, RigFileError, Skeleton, Skin, SkinWeights,
 };
 use plumbline_shape::mesh::{Model, TriMesh};
+use schemars::{Schema, SchemaGenerator};
 
 /// How the surface follows the joints: a method, or a trained model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -137,10 +133,6 @@ impl Stage for PoseSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the surface in its poses")];
     type Input = (Posed, Option<Arc<Rig>>);
     type Output = (Posed,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn conflicts(&self) -> Vec<Conflict> {
         let conflict = |key, message: &str, help| Conflict { key, message: message.to_owned(), help };

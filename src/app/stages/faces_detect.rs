@@ -2,13 +2,7 @@
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_image::feature::{Face, FaceDetector, FaceOptions};
 use plumbline_image::still::Photo;
 
@@ -34,10 +28,6 @@ impl Stage for FacesDetectSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("faces", PortType::Faces, "boxes around the faces")];
     type Input = (Arc<Photo>,);
     type Output = (Arc<[Face]>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let options = FaceOptions { min_score: self.min_score, ..FaceOptions::default() };

@@ -3,13 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_image::feature::Face;
 use plumbline_image::still::Photo;
 use plumbline_photo::marks::FacesFile;
@@ -31,10 +25,6 @@ impl Stage for FacesLoadSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Arc<Photo>,);
     type Output = (Arc<[Face]>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         vec![&self.path]

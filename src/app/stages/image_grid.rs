@@ -2,16 +2,9 @@
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::photo::with_pixels;
+use super::prelude::*;
 use super::values::PhotoMap;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_image::canvas::{Canvas, Rgb};
 use plumbline_image::still::Photo;
 use plumbline_image::still::{StillError, frame_of_rgb, rgb_of_frame};
@@ -34,10 +27,6 @@ impl Stage for ImageGridSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture with the grid, 8 bit")];
     type Input = (Arc<Photo>, Arc<PhotoMap>);
     type Output = (Arc<Photo>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "the picture with the grid", bytes_per_px: 6.0, ..MemoryCost::default() }]

@@ -3,14 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::photo::painted_mask;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_image::feature::{Face, Importance, ImportanceOptions};
 use plumbline_image::still::Photo;
 
@@ -35,10 +29,6 @@ impl Stage for ImportanceSettings {
         &[Port::one("importance", PortType::Importance, "the importance of each position")];
     type Input = (Arc<Photo>, Option<Arc<[Face]>>);
     type Output = (Arc<Importance>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         self.mask.as_deref().into_iter().collect()

@@ -3,15 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::photo::{heif, still_error};
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use crate::pipeline::summary::InputSummary;
 use plumbline_image::still::{self, LoadOptions, Photo, StillError};
 
@@ -41,10 +34,6 @@ impl Stage for ImageLoadSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = ();
     type Output = (Arc<Photo>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         // Packed as it is decoded, then in planes; 16 bit with alpha is the worst case at 16 bytes.

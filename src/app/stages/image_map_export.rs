@@ -13,18 +13,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::context::Context;
 use super::files::{begin, cannot};
 use super::numpy::write_npy;
+use super::prelude::*;
 use super::values::PhotoMap;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_image::grid::GridMesh;
 use plumbline_image::still::Photo;
 use plumbline_image::write_exr;
@@ -68,10 +61,6 @@ impl Stage for MapExportSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Arc<Photo>, Arc<PhotoMap>);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "the map at every pixel", bytes_per_px: 24.0, ..MemoryCost::default() }]

@@ -3,18 +3,12 @@
 use std::sync::Arc;
 
 use nalgebra::{Matrix2, Matrix2x3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::context::Context;
 use super::photo::transparency::{eroded, mask_of, opacity, plane_of, with_alpha};
 use super::photo::with_pixels;
+use super::prelude::*;
 use super::values::PhotoMap;
 use super::video_render;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::PictureSize;
 use plumbline_image::Frame;
 use plumbline_image::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, complete};
@@ -63,10 +57,6 @@ impl Stage for ImageRenderSettings {
     const RESAMPLES: bool = true;
     type Input = (Arc<Photo>, Vec<Arc<PhotoMap>>);
     type Output = (Arc<Photo>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "the result", frames: 1.0, ..MemoryCost::default() }]

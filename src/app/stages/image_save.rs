@@ -5,17 +5,9 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::files::{begin, cannot};
 use super::photo::still_error;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_image::still::Photo;
 use plumbline_image::still::{SaveOptions, StillFormat, encode};
 
@@ -45,10 +37,6 @@ impl Stage for ImageSaveSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Arc<Photo>,);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "packed samples", frames: 1.0, ..MemoryCost::default() }]

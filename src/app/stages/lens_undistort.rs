@@ -6,18 +6,11 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix2;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::context::Context;
 use super::photo::lens::clip_lens;
 use super::photo::view;
+use super::prelude::*;
 use super::video_track::focal_px_of;
-use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{PictureSize, ViewAngles};
 use plumbline_camera::{FieldAxis, Projection};
 use plumbline_media::VideoInfo;

@@ -2,15 +2,9 @@
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::photo::lens::{self, LensRequest};
+use super::prelude::*;
 use super::values::LineSet;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_camera::FieldAxis;
 use plumbline_image::still::Photo;
 use plumbline_image::{Plane, analysis_luma};
@@ -55,10 +49,6 @@ impl Stage for LinesDetectSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("lines", PortType::Lines, "the lines")];
     type Input = (Arc<Photo>, Option<LineSet>);
     type Output = (LineSet,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn run(&self, (photo, marked): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         match marked.filter(|set| !set.lines.is_empty()) {

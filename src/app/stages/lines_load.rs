@@ -3,14 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
+use super::prelude::*;
 use super::values::LineSet;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_image::still::Photo;
 use plumbline_photo::marks::LinesFile;
 
@@ -33,10 +27,6 @@ impl Stage for LinesLoadSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Arc<Photo>,);
     type Output = (LineSet,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         vec![&self.path]

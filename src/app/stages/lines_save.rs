@@ -3,15 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
+use super::prelude::*;
 use super::values::LineSet;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_image::still::Photo;
 use plumbline_photo::marks::LinesFile;
 
@@ -36,10 +29,6 @@ impl Stage for LinesSaveSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Arc<Photo>, LineSet);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn writes(&self) -> Vec<String> {
         vec![self.path.clone()]

@@ -1,19 +1,14 @@
 //! `mesh.blend`: two meshes mixed as painted.
 
 use nalgebra::Point3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::context::Context;
 use super::mesh_morph::MorphSettings;
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
 use super::morphing::{morph_error, of_file, report_line, write_report};
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_shape::morph::correspondence::CorrespondenceMethod;
 use plumbline_shape::morph::paint::Paint;
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions, time_field};
@@ -62,10 +57,6 @@ impl Stage for BlendSettings {
     const REQUIRED: &'static [&'static str] = &["paint"];
     type Input = (Posed, Posed);
     type Output = (Posed,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         std::iter::once(&self.paint).chain(&self.landmarks).map(String::as_str).collect()

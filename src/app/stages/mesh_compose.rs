@@ -1,15 +1,10 @@
 //! `mesh.compose`: one mesh made of parts of two.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::context::Context;
 use super::morphing::{morph_error, of_file, pose_of, report_line, write_report};
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_shape::mesh::{Model, RepairOptions, Repaired, repair};
 use plumbline_shape::morph::composition::{Cut, SeamFile, compose};
 
@@ -37,10 +32,6 @@ impl Stage for ComposeSettings {
     const REQUIRED: &'static [&'static str] = &["seam"];
     type Input = (Posed, Posed);
     type Output = (Posed,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         vec![&self.seam]

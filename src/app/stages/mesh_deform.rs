@@ -5,17 +5,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Point3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::context::Context;
 use super::mesh::handles::Bound;
 use super::mesh::solvable::Solvable;
 use super::mesh::{report, surface_error};
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::surface::handle_file::{HandleFile, MeshHandles};
 use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, InitialGuess, Method};
@@ -81,10 +76,6 @@ impl Stage for MeshDeformSettings {
     const REQUIRED: &'static [&'static str] = &["handles"];
     type Input = (Posed,);
     type Output = (Posed,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         vec![&self.handles]

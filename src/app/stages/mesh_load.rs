@@ -2,15 +2,9 @@
 
 use std::path::Path;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::mesh::mesh_error;
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::SurfaceSummary;
 use crate::pipeline::units::ByteSize;
 use plumbline_shape::mesh::{Model, ReadLimits, read_model};
@@ -41,10 +35,6 @@ impl Stage for MeshLoadSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = ();
     type Output = (Posed,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         vec![&self.path]

@@ -6,20 +6,14 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::context::Context;
 use super::files::{begin, cannot};
 use super::mesh::solvable::Solvable;
 use super::mesh::surface_error;
 use super::npz::{Array, write_npz};
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_shape::surface::modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, parts};
 
 /// Settings of `mesh.modes`.
@@ -56,10 +50,6 @@ impl Stage for MeshModesSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the files")];
     type Input = (Posed,);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn writes(&self) -> Vec<String> {
         self.modes.iter().chain(&self.parts).cloned().collect()

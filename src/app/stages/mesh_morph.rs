@@ -1,17 +1,12 @@
 //! `mesh.morph`: the shapes between two meshes.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::context::Context;
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
 use super::morphing::{morph_error, report_line, write_report};
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use plumbline_shape::morph::correspondence::CorrespondenceMethod;
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions};
 
@@ -67,10 +62,6 @@ impl Stage for MorphSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("mesh", PortType::Mesh, "the shapes")];
     type Input = (Posed, Posed);
     type Output = (Posed,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn conflicts(&self) -> Vec<Conflict> {
         let by_landmarks = [("over", self.over != CorrespondenceMethod::default()), ("refine", self.refine.is_some())];

@@ -4,16 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Point3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
-use super::context::Context;
 use super::numpy::read_npy;
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::PixelSize;
 use crate::pipeline::surfaces::BackgroundColor;
 use plumbline_image::canvas::Rgb;
@@ -101,10 +95,6 @@ impl Stage for MeshRenderSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture, 8 bit")];
     type Input = (Posed,);
     type Output = (Arc<Photo>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         // Nine samples per pixel, each with a triangle and a depth; of translucent surfaces two layers of them, and depth and

@@ -2,18 +2,11 @@
 
 use std::path::Path;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::files::begin;
 use super::mesh::animated::animated;
 use super::mesh::mesh_error;
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_shape::mesh::io::{WriteOptions, encode_model, losses};
 use plumbline_shape::mesh::{MeshError, MeshFormat, Model};
 
@@ -62,10 +55,6 @@ impl Stage for MeshSaveSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Posed,);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn writes(&self) -> Vec<String> {
         self.files()

@@ -41,6 +41,7 @@ mod photo_rectangle;
 mod photo_rectify;
 mod photo_report;
 mod photo_retarget;
+mod prelude;
 mod probe;
 mod skeleton_extract;
 mod skeleton_load;

@@ -2,16 +2,9 @@
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::photo::{rectangle, rects};
+use super::prelude::*;
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::TargetSize;
 use plumbline_image::feature::Face;
 use plumbline_image::still::Photo;
@@ -35,10 +28,6 @@ impl Stage for PhotoRectangleSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("warp", PortType::Warp, "the map")];
     type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>);
     type Output = (Arc<PhotoMap>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid and factor", bytes: 32 << 20, ..MemoryCost::default() }]

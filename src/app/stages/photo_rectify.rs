@@ -2,18 +2,12 @@
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, json};
 
-use super::context::Context;
 use super::photo::lens::{self, LensRequest};
 use super::photo::{rectangle, rects, report_lines, view};
+use super::prelude::*;
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{PictureSize, TargetSize, ViewAngles, ViewField};
 use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
@@ -73,10 +67,6 @@ impl Stage for PhotoRectifySettings {
     const MAP: Option<MapStep> = Some(MapStep::Photo);
     type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>, Option<Arc<Importance>>);
     type Output = (Arc<PhotoMap>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid and factor", bytes: 64 << 20, ..MemoryCost::default() }]

@@ -2,16 +2,10 @@
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json, json};
 
-use super::context::Context;
+use super::prelude::*;
 use super::values::PhotoMap;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_image::still::Photo;
 use plumbline_photo::LineReport;
 
@@ -35,10 +29,6 @@ impl Stage for PhotoReportSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Arc<Photo>, Arc<PhotoMap>);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn writes(&self) -> Vec<String> {
         vec![self.path.clone()]

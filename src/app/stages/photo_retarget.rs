@@ -2,17 +2,11 @@
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, json};
 
-use super::context::Context;
 use super::photo::report_lines;
+use super::prelude::*;
 use super::values::{LineSet, PhotoMap};
-use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::TargetSize;
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
@@ -40,10 +34,6 @@ impl Stage for PhotoRetargetSettings {
     const MAP: Option<MapStep> = Some(MapStep::Photo);
     type Input = (Arc<Photo>, Option<Arc<Importance>>, Vec<LineSet>, Option<Arc<[Face]>>);
     type Output = (Arc<PhotoMap>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid and factor", bytes: 16 << 20, ..MemoryCost::default() }]

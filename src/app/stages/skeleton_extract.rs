@@ -4,16 +4,9 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::files::{begin, cannot};
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_num::document::read_text;
 use plumbline_num::run::Run;
 use plumbline_shape::character::extraction::{
@@ -75,10 +68,6 @@ impl Stage for SkeletonExtractSettings {
     ];
     type Input = (Posed,);
     type Output = (Arc<Rig>, Written);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         self.keep_file().into_iter().chain(self.template.as_deref()).collect()

@@ -3,13 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_shape::character::io::{Rig, read_rig};
 
 /// Settings of `skeleton.load`.
@@ -29,10 +23,6 @@ impl Stage for SkeletonLoadSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = ();
     type Output = (Arc<Rig>,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         vec![&self.path]

@@ -5,19 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::{Matrix4, Point3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
 use super::character_pose::PoseSettings;
-use super::context::Context;
 use super::mesh::{binding, mesh_error};
+use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::items::{MESH_EXTENSIONS, expand, is_glob};
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_num::run::Run;
 use plumbline_shape::character::ik::IkMethod;
 use plumbline_shape::character::io::{Rig, character_of};
@@ -79,10 +73,6 @@ impl Stage for SkinTrainSettings {
     const REQUIRED: &'static [&'static str] = &["examples", "path"];
     type Input = (Posed, Option<Arc<Rig>>);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn reads(&self) -> Vec<&str> {
         let lists = self.examples.iter().chain(&self.held_out).chain(&self.poses);

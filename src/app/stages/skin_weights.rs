@@ -3,15 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
+use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::Written;
-use crate::pipeline::run_error::RunError;
 use plumbline_shape::character::WeightsFile;
 use plumbline_shape::character::io::Rig;
 use plumbline_shape::character::weights::{WeightMethod, WeightOptions, WeightReport, bone_weights};
@@ -39,10 +32,6 @@ impl Stage for SkinWeightsSettings {
     const REQUIRED: &'static [&'static str] = &["path"];
     type Input = (Posed, Arc<Rig>);
     type Output = (Written,);
-
-    fn over_time(&self) -> TemporalScope {
-        TemporalScope::Once
-    }
 
     fn writes(&self) -> Vec<String> {
         vec![self.path.clone()]

@@ -1,15 +1,7 @@
 //! `video.decode`: opens a clip.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use crate::pipeline::kind::{Conflict, Stage};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use crate::pipeline::units::{ClipTime, FrameRate};
-use crate::stages::context::Context;
 use plumbline_media::Deinterlace;
 
 /// Settings of `video.decode`.

@@ -1,15 +1,8 @@
 //! `video.encode`: writes a clip.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::clip::encoding;
-use super::context::{Context, media_error};
-use crate::pipeline::kind::{Conflict, Stage};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::context::media_error;
+use super::prelude::*;
 use crate::pipeline::units::BitRate;
 use plumbline_media::{Codec, EncoderChoice, Output, check_encoder};
 

@@ -3,17 +3,9 @@
 
 use std::path::Path;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::clip::stream::for_each_frame;
-use super::context::Context;
 use super::photo::painted_mask;
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use crate::stages::TrackSettings;
 use plumbline_image::Frame;
 use plumbline_image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};

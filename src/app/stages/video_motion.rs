@@ -1,11 +1,6 @@
 //! `video.motion`: how the camera moved.
 
-use super::context::Context;
-use crate::pipeline::kind::Stage;
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 pub use plumbline_video::stabilize::{CameraMotionOptions as MotionSettings, RollingShutter};
 
 impl Stage for MotionSettings {

@@ -4,14 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
-use crate::pipeline::kind::{Conflict, Stage};
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_media::AtomicFile;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::motion::exchange::{Container, colmap, write_csv, write_gltf};

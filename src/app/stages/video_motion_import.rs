@@ -5,18 +5,10 @@
 
 use std::path::Path;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::clip::stream::for_each_frame;
-use super::context::Context;
+use super::prelude::*;
 use super::video_motion::RollingShutter;
 use super::video_track::{clip_info, focal_px_of, hand_on_motion};
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
 use crate::stages::{DecodeSettings, MotionSettings};
 use plumbline_media::VideoInfo;
 use plumbline_num::time::Timestamp;

@@ -1,15 +1,7 @@
 //! `video.render`: the only stage that samples pixels.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use crate::pipeline::kind::{Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use crate::pipeline::units::ByteSize;
-use crate::stages::context::Context;
 
 /// How pixels are interpolated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -11,17 +11,10 @@ use std::io::Write;
 use std::path::Path;
 
 use in_plane::{Windows, curves};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use shown::Shown;
 
 use super::clip::encoding;
-use super::context::Context;
-use crate::pipeline::kind::Stage;
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use crate::pipeline::summary::{self, SegmentSummary, ShakeSummary, Summary};
 use crate::report::{Change, Chart, Clip, Crop, Curve, Curves, Outcome, Report, ReportFormat, Segment, Shake};
 pub(super) use album::Album;

@@ -1,17 +1,9 @@
 //! `video.retarget`: a map per frame to another shape.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::context::Context;
 use super::lens_undistort::{Undistorted, even_size};
+use super::prelude::*;
 use super::video_importance::EstimatedImportance;
 use crate::pipeline::graph::Graph;
-use crate::pipeline::kind::{MapStep, Stage};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::{PictureSize, TargetSize};
 use crate::pipeline::summary::WindowSummary;
 use crate::stages::LensUndistortSettings;

@@ -1,11 +1,6 @@
 //! `video.smooth`: plans the virtual camera.
 
-use super::context::Context;
-use crate::pipeline::kind::{Conflict, Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_video::motion::ClipMotion;
 pub use plumbline_video::path::Zoom;
 pub use plumbline_video::stabilize::{InSpace, PathMethod, SmoothingOptions as SmoothSettings};

@@ -13,17 +13,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::clip::chain::Chain;
 use super::clip::stream::for_each_frame;
-use super::context::Context;
-use crate::pipeline::kind::Stage;
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 use plumbline_image::warp::Lattice;
 use plumbline_image::write_exr;
 use plumbline_media::AtomicFile;

@@ -4,14 +4,10 @@ use std::path::Path;
 
 use super::clip::stream::for_each_frame;
 use super::clip::summary::shot_segment;
-use super::context::Context;
 use super::lens_undistort::Undistorted;
+use super::prelude::*;
 use super::video_importance::importance_estimators;
-use crate::pipeline::kind::{Settings, Stage};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use crate::pipeline::kind::Settings;
 use crate::stages::{MotionSettings, SmoothSettings, VideoRetargetSettings, WarpSettings};
 use plumbline_media::{Input, Ratio, VideoInfo};
 use plumbline_video::motion::ClipMotion;

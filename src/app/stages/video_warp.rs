@@ -1,11 +1,6 @@
 //! `video.warp`: a map per frame; no pixel is touched.
 
-use super::context::Context;
-use crate::pipeline::kind::{MapStep, Stage, TemporalScope};
-use crate::pipeline::memory::MemoryCost;
-use crate::pipeline::port::{Port, PortType};
-use crate::pipeline::port_value::{HandedOn, Wired};
-use crate::pipeline::run_error::RunError;
+use super::prelude::*;
 pub use plumbline_video::stabilize::{ModelChoice, WarpOptions as WarpSettings};
 
 /// Frames over which points fade in and out.
