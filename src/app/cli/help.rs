@@ -25,202 +25,8 @@ const EXIT_CODES: &str = "  0    done
   130  interrupted (143: terminated)
 ";
 
-/// Three command lines for each command, by its path below the program.
-const EXAMPLES: [(&str, [&str; 3]); 29] = [
-    (
-        "",
-        [
-            "plumbline stabilize shaky.mp4 -o steady.mp4",
-            "plumbline rectify wide.jpg -o straight.jpg",
-            "plumbline run stabilize --set batch.foreach='clips/*.mp4'",
-        ],
-    ),
-    (
-        "stabilize",
-        [
-            "plumbline stabilize shaky.mp4 -o steady.mp4",
-            "plumbline stabilize clips/ --out-dir steady/ --keep 90% -y",
-            "plumbline stabilize walk.mp4 -o walk-steady.mp4 --smoothness 1 --report walk.html",
-        ],
-    ),
-    (
-        "motion",
-        [
-            "plumbline motion walk.mp4 -o walk.motion.json",
-            "plumbline motion walk.mp4 --colmap model/",
-            "plumbline motion walk.mp4 --gltf camera.glb --csv camera.csv",
-        ],
-    ),
-    ("probe", ["plumbline probe clip.mp4", "plumbline probe clip.mp4 --json", "plumbline probe frames/%05d.png"]),
-    (
-        "rectify",
-        [
-            "plumbline rectify wide.jpg -o straight.jpg",
-            "plumbline rectify fisheye.jpg -o flat.jpg --lens equidistant --fov 180 --to perspective",
-            "plumbline rectify photos/ --out-dir straight/ --size 50%",
-        ],
-    ),
-    (
-        "retarget",
-        [
-            "plumbline retarget photo.jpg -o square.jpg --size 1:1",
-            "plumbline retarget photo.jpg -o narrow.jpg --size 800x --importance painted.png",
-            "plumbline retarget clip.mp4 -o vertical.mp4 --size 9:16 --stabilize",
-        ],
-    ),
-    (
-        "mesh",
-        [
-            "plumbline mesh info model.obj",
-            "plumbline mesh repair scan.ply -o clean.ply",
-            "plumbline mesh convert models/ --out-dir glb/ --format glb",
-        ],
-    ),
-    (
-        "mesh info",
-        ["plumbline mesh info model.obj", "plumbline mesh info models/", "plumbline mesh info model.glb --json"],
-    ),
-    (
-        "mesh repair",
-        [
-            "plumbline mesh repair scan.ply -o clean.ply",
-            "plumbline mesh repair scan.stl -o clean.obj --weld 1e-6",
-            "plumbline mesh repair scans/ --out-dir clean/ --format ply",
-        ],
-    ),
-    (
-        "mesh convert",
-        [
-            "plumbline mesh convert model.obj -o model.glb",
-            "plumbline mesh convert model.glb -o model.stl --ascii",
-            "plumbline mesh convert models/ --out-dir ply/ --format ply -y",
-        ],
-    ),
-    (
-        "deform",
-        [
-            "plumbline deform cactus.obj --handles bend.json -o bent.obj",
-            "plumbline deform cactus.obj --handles bend.json -o bent.glb --frames 24",
-            "plumbline deform cactus.obj --handles bend.json -o bent.obj --render bent.png --view front",
-        ],
-    ),
-    (
-        "modes",
-        [
-            "plumbline modes model.obj -o modes.npz",
-            "plumbline modes model.obj -k 20 -o modes.npz",
-            "plumbline modes model.obj --parts parts.json --part-count 6",
-        ],
-    ),
-    (
-        "morph",
-        [
-            "plumbline morph sit.obj stand.obj -o frames/",
-            "plumbline morph sit.obj stand.obj -o morph.glb --seconds 4",
-            "plumbline morph giraffe.obj dog.obj -o frames/ --landmarks pairs.json --frames 48",
-        ],
-    ),
-    (
-        "blend",
-        [
-            "plumbline blend sit.obj stand.obj --paint weights.json -o mixed.obj",
-            "plumbline blend sit.obj stand.obj --paint weights.json -o mixed.glb --frames 24",
-            "plumbline blend cat.obj dog.obj --paint weights.json --landmarks pairs.json -o mixed.obj",
-        ],
-    ),
-    (
-        "compose",
-        [
-            "plumbline compose body.obj head.obj --seam seam.json -o joined.obj",
-            "plumbline compose body.obj head.obj --seam seam.json -o joined.obj --report joined.json",
-            "plumbline compose body.obj head.obj --seam seam.json -o joined.obj --print-pipeline",
-        ],
-    ),
-    (
-        "render",
-        [
-            "plumbline render model.obj -o model.png",
-            "plumbline render models/ --out-dir pictures/ --view 30,20",
-            "plumbline render model.obj -o model.png --size 1920x1080 --wireframe",
-        ],
-    ),
-    (
-        "skeleton",
-        [
-            "plumbline skeleton model.obj -o skeleton.json",
-            "plumbline skeleton model.obj -o rigged.glb --joints 20",
-            "plumbline skeleton models/ --out-dir rigs/ --format bvh",
-        ],
-    ),
-    (
-        "skin",
-        [
-            "plumbline skin weights body.obj --skeleton rig.json -o weights.json",
-            "plumbline skin weights body.obj --skeleton rig.bvh -o weights.json --method biharmonic",
-            "plumbline skin train body.glb --examples pose1.obj pose2.obj -o body.skin",
-        ],
-    ),
-    (
-        "skin weights",
-        [
-            "plumbline skin weights body.obj --skeleton rig.json -o weights.json",
-            "plumbline skin weights body.obj --skeleton rig.bvh -o weights.json --method biharmonic",
-            "plumbline skin weights body.obj --skeleton rig.json -o weights.json --influences 4",
-        ],
-    ),
-    (
-        "skin train",
-        [
-            "plumbline skin train body.glb --examples pose1.obj pose2.obj -o body.skin",
-            "plumbline skin train body.obj --skeleton rig.json --examples pose1.obj pose2.obj -o body.skin",
-            "plumbline skin train body.glb --examples pose1.obj pose2.obj --held-out pose3.obj -o body.skin",
-        ],
-    ),
-    (
-        "pose",
-        [
-            "plumbline pose humanoid.glb --clip walk -o walk/",
-            "plumbline pose humanoid.glb --pose wave.json -o waving.glb --rig",
-            "plumbline pose body.obj --skeleton rig.json --pose wave.json -o waving.obj --render waving.png",
-        ],
-    ),
-    (
-        "run",
-        [
-            "plumbline run job.toml",
-            "plumbline run stabilize --set batch.foreach='clips/*.mp4' --set vars.out=steady",
-            "plumbline run job.toml --jobs 2 -y",
-        ],
-    ),
-    (
-        "check",
-        [
-            "plumbline check job.toml",
-            "plumbline check stabilize --set out.crf=20",
-            "plumbline check job.toml --message-format json",
-        ],
-    ),
-    ("plan", ["plumbline plan job.toml", "plumbline plan stabilize", "plumbline plan job.toml --set run.threads=4"]),
-    (
-        "graph",
-        [
-            "plumbline graph job.toml",
-            "plumbline graph stabilize --format mermaid",
-            "plumbline graph job.toml --format dot",
-        ],
-    ),
-    ("stages", ["plumbline stages", "plumbline stages video.smooth", "plumbline stages photo.rectify"]),
-    ("schema", ["plumbline schema", "plumbline schema lines", "plumbline schema motion"]),
-    (
-        "solve",
-        [
-            "plumbline solve A.mtx",
-            "plumbline solve A.mtx b.mtx -o x.mtx",
-            "plumbline solve A.mtx --ordering nd --picture fill.png",
-        ],
-    ),
-    ("completions", ["plumbline completions bash", "plumbline completions zsh", "plumbline completions fish"]),
-];
+/// Three command lines for each command, below its name; an empty line ends them.
+const EXAMPLES: &str = include_str!("examples.txt");
 
 /// The program's definition with groups, exit codes and examples.
 pub(super) fn complete(command: Command) -> Command {
@@ -254,10 +60,7 @@ fn grouped(command: &Command) -> String {
 fn with_footers(command: Command, path: &str) -> Command {
     let mut text = format!("{}:\n{EXIT_CODES}", heading(&command, "Exit codes"));
     if let Some(examples) = examples_of(path) {
-        let _ = writeln!(text, "\n{}:", heading(&command, "Examples"));
-        for example in examples {
-            let _ = writeln!(text, "  {example}");
-        }
+        let _ = write!(text, "\n{}:\n{examples}", heading(&command, "Examples"));
     }
     let below = |sub: Command| {
         let path = format!("{path} {}", sub.get_name());
@@ -266,9 +69,10 @@ fn with_footers(command: Command, path: &str) -> Command {
     command.after_long_help(text.trim_end().to_owned()).mut_subcommands(below)
 }
 
-/// The examples of a command.
-fn examples_of(path: &str) -> Option<[&'static str; 3]> {
-    EXAMPLES.iter().find(|(of, _)| *of == path).map(|(_, examples)| *examples)
+/// The examples of a command, one on a line.
+fn examples_of(path: &str) -> Option<&'static str> {
+    let name = format!("plumbline {path}");
+    EXAMPLES.split("\n\n").find_map(|section| section.strip_prefix(name.trim_end())?.strip_prefix(":\n"))
 }
 
 /// Text in the style of clap's headings, which is dropped where the output is no terminal.
@@ -315,7 +119,9 @@ mod tests {
 
     fn check(command: &Command, root: &Command, path: &str) {
         let examples = examples_of(path).unwrap_or_else(|| panic!("`{path}` has no examples"));
-        for example in examples {
+        let examples: Vec<&str> = examples.lines().map(str::trim_start).collect();
+        assert_eq!(examples.len(), 3, "{path}");
+        for example in &examples {
             let read = root.clone().try_get_matches_from(words(example));
             assert!(read.is_ok(), "{example}: {}", read.err().map(|e| e.to_string()).unwrap_or_default());
             assert!(example.starts_with(format!("plumbline {path}").trim_end()), "{example} is no example of {path}");
