@@ -1,17 +1,10 @@
 //! `plumbline blend`: two meshes blended with painted weights.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::job::JobArgs;
-use super::options::{Given, Offer, Setting};
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
-use crate::stages::{BlendSettings, MeshLoadSettings, MeshSaveSettings};
+use super::mesh_stages::{mesh, saved};
+use super::prelude::*;
+use crate::stages::BlendSettings;
 
 /// Options of `plumbline blend`.
 #[derive(Debug, Args)]
@@ -28,9 +21,6 @@ pub(super) struct BlendArgs {
 
     #[command(flatten)]
     blend: Given<Blend>,
-
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// Options for `mesh.blend`.
@@ -47,22 +37,15 @@ impl Offer for Blend {
     ];
 }
 
-impl BlendArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> PipelineFile {
-        let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
+impl BuildsPipeline for BlendArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let blend = &self.blend.settings;
-        let save = MeshSaveSettings { path: literal_path(&self.output), frames: blend.frames, ..Default::default() };
         let stages = vec![
-            StageEntry::built("first", &load(&self.first)),
-            StageEntry::built("second", &load(&self.second)),
+            mesh("first", literal_path(&self.first)),
+            mesh("second", literal_path(&self.second)),
             StageEntry::built("blend", blend).input("mesh", "first").input("other", "second"),
-            StageEntry::built("out", &save).input("mesh", "blend"),
+            saved(&self.output, blend.frames, "blend"),
         ];
-        PipelineFile { name: Some("blend".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }
+        Ok(PipelineFile::built("blend", stages))
     }
 }

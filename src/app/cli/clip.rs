@@ -1,15 +1,15 @@
 //! Options of every command that analyzes a clip: the part that is read, motion estimation, the run.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::job::JobArgs;
 use super::options::{Given, Offer, Setting};
 use crate::pipeline::StageEntry;
 use crate::pipeline::file::literal_path;
+use crate::pipeline::items::has_extension;
 use crate::pipeline::units::ClipTime;
-use crate::stages::{DecodeSettings, MotionImportSettings, MotionSettings, TrackSettings};
+use crate::stages::{Codec, DecodeSettings, MotionImportSettings, MotionSettings, TrackSettings};
 
 /// Options that `stabilize` and `motion` share.
 #[derive(Debug, Args)]
@@ -26,9 +26,6 @@ pub(super) struct ClipArgs {
     track: Given<Track>,
     #[command(flatten)]
     camera_motion: Given<CameraMotion>,
-
-    #[command(flatten)]
-    pub(super) job: JobArgs,
 }
 
 /// The end of the part that is read, by its length.
@@ -102,5 +99,19 @@ impl ClipArgs {
     /// The output that gives the points of the clip.
     pub(super) fn tracks(&self) -> &'static str {
         if self.motion.is_some() { "motion.tracks" } else { "tracks" }
+    }
+}
+
+/// Containers that hold what the default codecs give; other inputs get `mp4`.
+const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
+
+/// The extension of results that are named after their clips: that of the input where its container holds the codec, else that
+/// of one that does.
+pub(super) fn clip_extension(codec: Codec, inputs: &[String]) -> &'static str {
+    match codec {
+        Codec::Prores => "mov",
+        Codec::Ffv1 => "mkv",
+        _ if inputs.iter().all(|input| has_extension(Path::new(input), &KEPT_CONTAINERS)) => "${item.ext}",
+        _ => "mp4",
     }
 }

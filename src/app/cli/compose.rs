@@ -1,17 +1,10 @@
 //! `plumbline compose`: parts of two meshes joined into one.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::job::JobArgs;
-use super::options::{Given, Offer, Setting};
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
-use crate::stages::{ComposeSettings, MeshLoadSettings, MeshSaveSettings};
+use super::mesh_stages::{mesh, saved};
+use super::prelude::*;
+use crate::stages::ComposeSettings;
 
 /// Options of `plumbline compose`.
 #[derive(Debug, Args)]
@@ -28,8 +21,6 @@ pub(super) struct ComposeArgs {
 
     #[command(flatten)]
     compose: Given<Compose>,
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// Options for `mesh.compose`.
@@ -41,22 +32,14 @@ impl Offer for Compose {
         &[Setting::of("seam").value("FILE.json"), Setting::of("report").value("FILE.html|FILE.json")];
 }
 
-impl ComposeArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> PipelineFile {
-        let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
-        let compose = &self.compose.settings;
-        let save = MeshSaveSettings { path: literal_path(&self.output), ..Default::default() };
+impl BuildsPipeline for ComposeArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let stages = vec![
-            StageEntry::built("base", &load(&self.base)),
-            StageEntry::built("part", &load(&self.part)),
-            StageEntry::built("composed", compose).input("base", "base").input("part", "part"),
-            StageEntry::built("out", &save).input("mesh", "composed"),
+            mesh("base", literal_path(&self.base)),
+            mesh("part", literal_path(&self.part)),
+            StageEntry::built("composed", &self.compose.settings).input("base", "base").input("part", "part"),
+            saved(&self.output, 1, "composed"),
         ];
-        PipelineFile { name: Some("compose".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }
+        Ok(PipelineFile::built("compose", stages))
     }
 }

@@ -2,17 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::job::JobArgs;
-use super::options::{Given, Offer, Setting};
+use super::mesh_stages::{also_drawn, mesh, saved};
+use super::prelude::*;
 use super::render::RenderView;
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
-use crate::stages::{ImageSaveSettings, MeshDeformSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings};
+use crate::stages::MeshDeformSettings;
 
 /// Options of `plumbline deform`.
 #[derive(Debug, Args)]
@@ -31,9 +24,6 @@ pub(super) struct DeformArgs {
     render: Option<PathBuf>,
     #[command(flatten)]
     view: Given<RenderView>,
-
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// Options for `mesh.deform`.
@@ -58,28 +48,15 @@ impl Offer for Deform {
     ];
 }
 
-impl DeformArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    #[expect(clippy::unnecessary_wraps, reason = "as every command that builds a pipeline")]
-    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
-        let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
+impl BuildsPipeline for DeformArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let deform = &self.deform.settings;
-        let save = MeshSaveSettings { path: literal_path(&self.output), frames: deform.frames, ..Default::default() };
         let mut stages = vec![
-            StageEntry::built("mesh", &load),
+            mesh("mesh", literal_path(&self.input)),
             StageEntry::built("posed", deform).input("mesh", "mesh"),
-            StageEntry::built("out", &save).input("mesh", "posed"),
+            saved(&self.output, deform.frames, "posed"),
         ];
-        if let Some(path) = &self.render {
-            let render = MeshRenderSettings { view: self.view.settings.view, ..MeshRenderSettings::default() };
-            let picture = ImageSaveSettings { path: literal_path(path), ..ImageSaveSettings::default() };
-            stages.push(StageEntry::built("drawn", &render).input("mesh", "posed"));
-            stages.push(StageEntry::built("picture", &picture).input("image", "drawn"));
-        }
-        Ok(PipelineFile { name: Some("deform".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() })
+        stages.extend(also_drawn(self.render.as_ref(), &self.view));
+        Ok(PipelineFile::built("deform", stages))
     }
 }

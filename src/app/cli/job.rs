@@ -9,9 +9,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::failure::Failure;
+use crate::pipeline::PipelineFile;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::is_glob;
-use crate::pipeline::options::{BatchSettings, Foreach, ProgressMode, RunSettings};
+use crate::pipeline::options::{ProgressMode, RunSettings};
 use crate::pipeline::reference::escape;
 use crate::pipeline::syntax::Entry;
 use plumbline_shape::character::weights::WeightMethod;
@@ -36,11 +37,33 @@ pub(super) struct JobArgs {
     progress: ProgressMode,
 }
 
+/// The own options of a command that builds a pipeline.
+pub(super) trait BuildsPipeline {
+    /// The pipeline that the options stand for; how it runs is left open.
+    fn pipeline(&self) -> Result<PipelineFile, Failure>;
+}
+
+/// A command that builds a pipeline.
+#[derive(Debug, Args)]
+pub(super) struct JobCommand<A: Args> {
+    #[command(flatten)]
+    own: A,
+    #[command(flatten)]
+    job: JobArgs,
+}
+
+impl<A: Args + BuildsPipeline> JobCommand<A> {
+    /// Its own options, and how the job runs.
+    pub(super) fn parts(&self) -> (&dyn BuildsPipeline, &JobArgs) {
+        (&self.own, &self.job)
+    }
+}
+
 impl JobArgs {
-    /// How the run goes.
-    pub(super) fn run(&self) -> Vec<Entry> {
+    /// The pipeline of a command, and how it runs.
+    pub(super) fn complete(&self, command: &dyn BuildsPipeline) -> Result<PipelineFile, Failure> {
         let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
-        entries_of(&run, &RunSettings::default())
+        Ok(PipelineFile { run: entries_of(&run, &RunSettings::default()), ..command.pipeline()? })
     }
 }
 
@@ -105,14 +128,4 @@ pub(super) fn only_input<'a>(inputs: &'a [String], many: &str) -> Result<&'a str
 pub(super) fn may_be_many(input: &str) -> bool {
     let path = Path::new(input);
     path.is_dir() || (is_glob(input) && !path.exists())
-}
-
-/// One run for each input; `jobs` at once, 0 for as many as processors and memory allow.
-pub(super) fn batch(inputs: &[String], jobs: u32) -> Vec<Entry> {
-    let patterns: Vec<String> = inputs.iter().map(|i| escape(i)).collect();
-    let foreach = match patterns.as_slice() {
-        [one] => Foreach::One(one.clone()),
-        _ => Foreach::List(patterns),
-    };
-    entries_of(&BatchSettings { foreach, jobs, ..BatchSettings::default() }, &BatchSettings::default())
 }

@@ -15,6 +15,7 @@ mod help;
 mod interrupt;
 mod job;
 mod mesh;
+mod mesh_stages;
 mod modes;
 mod morph;
 mod motion;
@@ -23,6 +24,7 @@ mod photo;
 mod photo_clip;
 mod plan;
 mod pose;
+mod prelude;
 mod probe;
 mod rectify;
 mod render;
@@ -47,10 +49,8 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use crate::pipeline::{Exit, Pipeline, PipelineFile, StageRunner};
 use defaults::Defaults;
 use failure::Failure;
-pub use rectify::RectifyArgs;
-pub use retarget::RetargetArgs;
+use job::{BuildsPipeline, JobArgs, JobCommand};
 use session::{GlobalArgs, Session};
-pub use stabilize::StabilizeArgs;
 
 /// Deshake video, defish and retarget photos; deform, auto-rig, skin and morph meshes
 #[derive(Debug, Parser)]
@@ -104,34 +104,48 @@ impl From<Failure> for Refusal {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    #[command(flatten)]
+    Job(PipelineCommand),
+    #[command(flatten)]
+    Tool(ToolCommand),
+}
+
+/// Commands that build a pipeline and run it.
+#[derive(Debug, Subcommand)]
+enum PipelineCommand {
     /// Stabilize shaky clips (deshake)
-    Stabilize(Box<StabilizeArgs>),
+    Stabilize(Box<JobCommand<stabilize::StabilizeArgs>>),
     /// Straighten wide-angle and fisheye photos (defish, perspective correction); remove the lens distortion of clips
-    Rectify(Box<RectifyArgs>),
+    Rectify(Box<JobCommand<rectify::RectifyArgs>>),
     /// Resize photos and clips to another aspect ratio, content-aware
-    Retarget(Box<RetargetArgs>),
+    Retarget(Box<JobCommand<retarget::RetargetArgs>>),
     /// Recover the motion of the camera, in the image plane and in space
-    Motion(Box<motion::MotionArgs>),
-    /// Inspect, repair and convert mesh files
-    Mesh(mesh::MeshArgs),
+    Motion(Box<JobCommand<motion::MotionArgs>>),
     /// Deform meshes: a few vertices are fixed or moved, and the rest follows
-    Deform(Box<deform::DeformArgs>),
+    Deform(Box<JobCommand<deform::DeformArgs>>),
     /// Compute the vibration modes of a mesh, and its near-rigid parts
-    Modes(modes::ModesArgs),
+    Modes(JobCommand<modes::ModesArgs>),
     /// Compute skinning weights, or learn a skin from examples
     Skin(skin::SkinArgs),
     /// Extract the skeletons of meshes (auto-rig)
-    Skeleton(Box<skeleton::SkeletonArgs>),
+    Skeleton(Box<JobCommand<skeleton::SkeletonArgs>>),
     /// Pose and animate characters
-    Pose(Box<pose::PoseArgs>),
+    Pose(Box<JobCommand<pose::PoseArgs>>),
     /// Interpolate between two meshes
-    Morph(Box<morph::MorphArgs>),
+    Morph(Box<JobCommand<morph::MorphArgs>>),
     /// Blend two meshes with painted weights
-    Blend(Box<blend::BlendArgs>),
+    Blend(Box<JobCommand<blend::BlendArgs>>),
     /// Join parts of two meshes into one
-    Compose(Box<compose::ComposeArgs>),
+    Compose(Box<JobCommand<compose::ComposeArgs>>),
     /// Render images of meshes, without a graphics card
-    Render(Box<render::RenderArgs>),
+    Render(Box<JobCommand<render::RenderArgs>>),
+}
+
+/// All other commands.
+#[derive(Debug, Subcommand)]
+enum ToolCommand {
+    /// Inspect, repair and convert mesh files
+    Mesh(mesh::MeshArgs),
     /// Run a pipeline file
     Run(run::RunArgs),
     /// Check a pipeline file without reading its inputs
@@ -150,6 +164,33 @@ enum Command {
     Probe(probe::ProbeArgs),
     /// Print completions for a shell
     Completions(completions::CompletionsArgs),
+}
+
+impl PipelineCommand {
+    /// The command's own options, and how the job runs.
+    fn parts(&self) -> (&dyn BuildsPipeline, &JobArgs) {
+        match self {
+            Self::Stabilize(command) => command.parts(),
+            Self::Rectify(command) => command.parts(),
+            Self::Retarget(command) => command.parts(),
+            Self::Motion(command) => command.parts(),
+            Self::Deform(command) => command.parts(),
+            Self::Modes(command) => command.parts(),
+            Self::Skin(command) => command.parts(),
+            Self::Skeleton(command) => command.parts(),
+            Self::Pose(command) => command.parts(),
+            Self::Morph(command) => command.parts(),
+            Self::Blend(command) => command.parts(),
+            Self::Compose(command) => command.parts(),
+            Self::Render(command) => command.parts(),
+        }
+    }
+
+    /// The pipeline that the options stand for.
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
+        let (own, job) = self.parts();
+        job.complete(own)
+    }
 }
 
 /// Which pipeline file, and what to change in it.
@@ -206,56 +247,32 @@ pub fn pipeline_of<I: IntoIterator<Item = T>, T: Into<OsString>>(args: I) -> Res
         Refusal::Line(error) => error.to_string(),
         Refusal::Settings(failure) => failure.message,
     })?;
-    let mut file = pipeline(cli.command)?;
+    let Command::Job(command) = cli.command else { return Err("not a command that builds a pipeline".to_owned()) };
+    let mut file = command.pipeline().map_err(|f| f.message)?;
     if let Some(defaults) = defaults {
         defaults.apply(&mut file);
     }
     Ok(file)
 }
 
-fn pipeline(command: Command) -> Result<PipelineFile, String> {
-    match command {
-        Command::Stabilize(args) => args.pipeline().map_err(|f| f.message),
-        Command::Rectify(args) => args.pipeline().map_err(|f| f.message),
-        Command::Retarget(args) => args.pipeline().map_err(|f| f.message),
-        Command::Deform(args) => args.pipeline().map_err(|f| f.message),
-        Command::Modes(args) => Ok(args.pipeline()),
-        Command::Skin(args) => Ok(args.pipeline()),
-        Command::Skeleton(args) => args.pipeline().map_err(|f| f.message),
-        Command::Pose(args) => args.pipeline().map_err(|f| f.message),
-        Command::Morph(args) => Ok(args.pipeline()),
-        Command::Blend(args) => Ok(args.pipeline()),
-        Command::Compose(args) => Ok(args.pipeline()),
-        Command::Render(args) => args.pipeline().map_err(|f| f.message),
-        _ => Err("not a command that builds a pipeline".to_owned()),
-    }
-}
-
 fn dispatch(command: Command, session: &Session<'_>) -> Result<Exit, Failure> {
-    match command {
-        Command::Stabilize(args) => args.run(session),
-        Command::Rectify(args) => args.run(session),
-        Command::Retarget(args) => args.run(session),
-        Command::Motion(args) => args.run(session),
-        Command::Mesh(args) => args.run(),
-        Command::Deform(args) => args.run(session),
-        Command::Modes(args) => args.run(session),
-        Command::Skin(args) => args.run(session),
-        Command::Skeleton(args) => args.run(session),
-        Command::Pose(args) => args.run(session),
-        Command::Morph(args) => args.run(session),
-        Command::Blend(args) => args.run(session),
-        Command::Compose(args) => args.run(session),
-        Command::Render(args) => args.run(session),
-        Command::Run(args) => args.run(session),
-        Command::Check(args) => args.run(),
-        Command::Plan(args) => args.run(session),
-        Command::Graph(args) => args.run(),
-        Command::Stages(args) => args.run(),
-        Command::Schema(args) => Ok(args.run()),
-        Command::Solve(args) => args.run(),
-        Command::Probe(args) => args.run(session),
-        Command::Completions(args) => Ok(args.run()),
+    let tool = match command {
+        Command::Job(command) => {
+            return run::run_or_print(command.pipeline()?, command.parts().1.print_pipeline, session);
+        }
+        Command::Tool(tool) => tool,
+    };
+    match tool {
+        ToolCommand::Mesh(args) => args.run(),
+        ToolCommand::Run(args) => args.run(session),
+        ToolCommand::Check(args) => args.run(),
+        ToolCommand::Plan(args) => args.run(session),
+        ToolCommand::Graph(args) => args.run(),
+        ToolCommand::Stages(args) => args.run(),
+        ToolCommand::Schema(args) => Ok(args.run()),
+        ToolCommand::Solve(args) => args.run(),
+        ToolCommand::Probe(args) => args.run(session),
+        ToolCommand::Completions(args) => Ok(args.run()),
     }
 }
 

@@ -2,16 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::job::JobArgs;
-use super::options::{Given, Offer, Setting};
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
-use crate::stages::{MeshLoadSettings, MeshModesSettings};
+use super::mesh_stages::mesh;
+use super::prelude::*;
+use crate::stages::MeshModesSettings;
 
 /// Options of `plumbline modes`.
 #[derive(Debug, Args)]
@@ -22,8 +15,6 @@ pub(super) struct ModesArgs {
     input: PathBuf,
     #[command(flatten)]
     modes: Given<Modes>,
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// Options for `mesh.modes`.
@@ -40,20 +31,9 @@ impl Offer for Modes {
     ];
 }
 
-impl ModesArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> PipelineFile {
-        let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
+impl BuildsPipeline for ModesArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let modes = StageEntry::built("modes", &self.modes.settings).input("mesh", "mesh");
-        PipelineFile {
-            name: Some("modes".to_owned()),
-            run: self.job.run(),
-            stages: vec![StageEntry::built("mesh", &load), modes],
-            ..PipelineFile::default()
-        }
+        Ok(PipelineFile::built("modes", vec![mesh("mesh", literal_path(&self.input)), modes]))
     }
 }

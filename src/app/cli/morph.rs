@@ -2,16 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::job::JobArgs;
-use super::options::{Given, Offer, Setting};
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry, number_for};
-use crate::stages::{MeshLoadSettings, MeshSaveSettings, MorphSettings};
+use super::mesh_stages::mesh;
+use super::prelude::*;
+use crate::pipeline::number_for;
+use crate::stages::{MeshSaveSettings, MorphSettings};
 use plumbline_shape::mesh::MeshFormat;
 
 /// Options of `plumbline morph`.
@@ -34,9 +28,6 @@ pub(super) struct MorphArgs {
     seconds: f64,
     #[command(flatten)]
     morph: Given<Morph>,
-
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// Options for `mesh.morph`.
@@ -56,14 +47,8 @@ impl Offer for Morph {
     ];
 }
 
-impl MorphArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> PipelineFile {
-        let load = |path: &Path| MeshLoadSettings { path: literal_path(path), ..MeshLoadSettings::default() };
+impl BuildsPipeline for MorphArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let morph = &self.morph.settings;
         let path = in_folder(&self.output, &self.first, "morph");
         // In a folder every shape is a file, of whatever format.
@@ -72,12 +57,12 @@ impl MorphArgs {
         let seconds = moves.then_some(self.seconds);
         let save = MeshSaveSettings { path: literal_path(&path), frames: morph.frames, seconds, ..Default::default() };
         let stages = vec![
-            StageEntry::built("first", &load(&self.first)),
-            StageEntry::built("second", &load(&self.second)),
+            mesh("first", literal_path(&self.first)),
+            mesh("second", literal_path(&self.second)),
             StageEntry::built("shapes", morph).input("mesh", "first").input("other", "second"),
             StageEntry::built("out", &save).input("mesh", "shapes"),
         ];
-        PipelineFile { name: Some("morph".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() }
+        Ok(PipelineFile::built("morph", stages))
     }
 }
 

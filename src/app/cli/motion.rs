@@ -3,12 +3,8 @@
 use clap::{ArgGroup, Args};
 
 use super::clip::ClipArgs;
-use super::failure::Failure;
-use super::options::{Given, Offer, Setting};
-use super::run::run_or_print;
-use super::session::Session;
+use super::prelude::*;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::MotionExportSettings;
 
 /// Options of `plumbline motion`.
@@ -37,16 +33,11 @@ impl Offer for Export {
     ];
 }
 
-impl MotionArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.clip.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    fn pipeline(&self) -> PipelineFile {
+impl BuildsPipeline for MotionArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let mut stages = self.clip.analysis(escape(&self.input), true);
         let export = StageEntry::built("files", &self.export.settings);
         stages.push(export.input("motion", "motion").input("tracks", self.clip.tracks()));
-        PipelineFile { name: Some("motion".to_owned()), run: self.clip.job.run(), stages, ..PipelineFile::default() }
+        Ok(PipelineFile::built("motion", stages))
     }
 }

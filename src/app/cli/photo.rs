@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
-use super::job::{JobArgs, batch, only_input};
+use super::job::only_input;
 use super::options::{Given, Offer, Setting};
 use super::target::TargetArgs;
 use crate::pipeline::file::literal_path;
+use crate::pipeline::items::has_extension;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{PipelineFile, StageEntry};
 use crate::stages::{
@@ -57,8 +58,6 @@ pub(super) struct PhotoArgs {
     /// Pictures at work at once; 0 = as many as processors and memory allow
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
     pub(super) jobs: u32,
-    #[command(flatten)]
-    pub(super) job: JobArgs,
 }
 
 /// Options for `image.save`.
@@ -104,13 +103,7 @@ impl PhotoArgs {
         all.extend(self.saved_lines(wanted)?);
         all.extend(stages(wanted));
         all.extend(self.writing(&names, render));
-        Ok(PipelineFile {
-            name: Some(name.to_owned()),
-            run: self.job.run(),
-            batch: self.target.is_batch().then(|| batch(&self.inputs, self.jobs)),
-            stages: all,
-            ..PipelineFile::default()
-        })
+        Ok(PipelineFile { batch: self.target.batch(&self.inputs, self.jobs), ..PipelineFile::built(name, all) })
     }
 
     /// Options that clips do not have, and whether they were given.
@@ -143,10 +136,7 @@ impl PhotoArgs {
             let message = format!("`{file}` is for one picture, but there may be many; {help}");
             return Err(Failure::usage(message));
         }
-        let kept = |input: &String| {
-            let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-            extension.is_some_and(|e| KEPT_FORMATS.contains(&e.as_str()))
-        };
+        let kept = |input: &String| has_extension(Path::new(input), &KEPT_FORMATS);
         let extension = if self.inputs.iter().all(kept) { "${item.ext}" } else { "png" };
         Ok(Names {
             source: "${item.path}".to_owned(),

@@ -4,14 +4,12 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::clip::LengthArg;
+use super::clip::{LengthArg, clip_extension};
 use super::failure::Failure;
-use super::job::batch;
 use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
-use super::stabilize::KEPT_CONTAINERS;
 use super::target::Names;
-use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand};
+use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand, has_extension};
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::{PipelineFile, StageEntry};
 use crate::stages::{
@@ -86,7 +84,8 @@ impl PhotoClipArgs {
         stages: Vec<StageEntry>,
     ) -> Result<PipelineFile, Failure> {
         refuse(&photo.for_pictures_only(), "is for pictures, but the inputs are clips")?;
-        let (source, output) = self.names(photo)?;
+        let extension = clip_extension(self.encode.settings.codec, &photo.inputs);
+        let Names { source, output } = photo.target.names(&photo.inputs, "clips", extension)?;
         let decode = self.length.applied(DecodeSettings { path: source, ..self.decode.settings.clone() });
         let encode = EncodeSettings { path: output, ..self.encode.settings.clone() };
         let mut all = vec![StageEntry::built("source", &decode)];
@@ -94,26 +93,7 @@ impl PhotoClipArgs {
         all.push(StageEntry::built("drawn", render).input("frames", "source").inputs("warps", warps));
         all.push(StageEntry::built("out", &encode).input("frames", "drawn").input("audio", "source.audio"));
         let jobs = if photo.jobs == 0 { BatchSettings::default().jobs } else { photo.jobs };
-        Ok(PipelineFile {
-            name: Some(name.to_owned()),
-            run: photo.job.run(),
-            batch: photo.target.is_batch().then(|| batch(&photo.inputs, jobs)),
-            stages: all,
-            ..PipelineFile::default()
-        })
-    }
-
-    /// Input and output.
-    fn names(&self, photo: &PhotoArgs) -> Result<(String, String), Failure> {
-        let kept = photo.inputs.iter().all(|input| has_extension(input, &KEPT_CONTAINERS));
-        let extension = match self.encode.settings.codec {
-            Codec::Prores => "mov",
-            Codec::Ffv1 => "mkv",
-            _ if kept => "${item.ext}",
-            _ => "mp4",
-        };
-        let Names { source, output } = photo.target.names(&photo.inputs, "clips", extension)?;
-        Ok((source, output))
+        Ok(PipelineFile { batch: photo.target.batch(&photo.inputs, jobs), ..PipelineFile::built(name, all) })
     }
 }
 
@@ -142,17 +122,12 @@ fn is_clip(input: &str) -> bool {
     if path.is_dir() {
         holds(&CLIP_EXTENSIONS) && !holds(&PHOTO_EXTENSIONS)
     } else {
-        has_extension(input, &CLIP_EXTENSIONS)
+        has_extension(path, &CLIP_EXTENSIONS)
     }
 }
 
-fn has_extension(input: &str, known: &[&str]) -> bool {
-    let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    extension.is_some_and(|e| known.contains(&e.as_str()))
-}
-
 /// Refuses the first option that was given.
-fn refuse(options: &[(bool, &str)], why: &str) -> Result<(), Failure> {
+pub(super) fn refuse(options: &[(bool, &str)], why: &str) -> Result<(), Failure> {
     match options.iter().find(|(given, _)| *given) {
         Some((_, option)) => Err(Failure::usage(format!("{option} {why}"))),
         None => Ok(()),

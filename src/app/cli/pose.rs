@@ -2,19 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::job::{JobArgs, WeightsArg};
-use super::options::{Given, Offer, Setting};
+use super::job::WeightsArg;
+use super::mesh_stages::{also_drawn, saved, with_skeleton};
+use super::prelude::*;
 use super::render::RenderView;
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
-use crate::stages::{
-    ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, MeshSaveSettings, PoseSettings, SkeletonLoadSettings,
-};
+use crate::stages::PoseSettings;
 
 /// Frames of a folder where no number is given.
 const FRAMES: u32 = 24;
@@ -45,9 +37,6 @@ pub(super) struct PoseArgs {
     render: Option<PathBuf>,
     #[command(flatten)]
     view: Given<RenderView>,
-
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// Options for `character.pose`.
@@ -69,45 +58,28 @@ impl Offer for Posing {
     ];
 }
 
-impl PoseArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+impl BuildsPipeline for PoseArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let (output, frames) = self.files();
         if self.posing.settings.rig
             && !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
         {
             return Err(Failure::usage("--rig needs an output that can hold a skeleton: NAME.glb or NAME.gltf"));
         }
-        let load = MeshLoadSettings { path: literal_path(&self.input), ..MeshLoadSettings::default() };
         let pose = PoseSettings {
             binding: self.weights.binding(),
             weights: self.weights.file(),
             frames,
             ..self.posing.settings.clone()
         };
-        let save = MeshSaveSettings { path: literal_path(&output), frames, ..MeshSaveSettings::default() };
-        let mut stages = vec![StageEntry::built("mesh", &load)];
-        let mut posed = StageEntry::built("posed", &pose).input("mesh", "mesh");
-        if let Some(path) = &self.skeleton {
-            let skeleton = SkeletonLoadSettings { path: literal_path(path) };
-            stages.push(StageEntry::built("skeleton", &skeleton));
-            posed = posed.input("skeleton", "skeleton");
-        }
-        stages.push(posed);
-        stages.push(StageEntry::built("out", &save).input("mesh", "posed"));
-        if let Some(path) = &self.render {
-            let render = MeshRenderSettings { view: self.view.settings.view, ..MeshRenderSettings::default() };
-            let picture = ImageSaveSettings { path: literal_path(path), ..ImageSaveSettings::default() };
-            stages.push(StageEntry::built("drawn", &render).input("mesh", "posed"));
-            stages.push(StageEntry::built("picture", &picture).input("image", "drawn"));
-        }
-        Ok(PipelineFile { name: Some("pose".to_owned()), run: self.job.run(), stages, ..PipelineFile::default() })
+        let mut stages = with_skeleton(&self.input, self.skeleton.as_deref(), StageEntry::built("posed", &pose));
+        stages.push(saved(&output, frames, "posed"));
+        stages.extend(also_drawn(self.render.as_ref(), &self.view));
+        Ok(PipelineFile::built("pose", stages))
     }
+}
 
+impl PoseArgs {
     /// The file to write and how many poses: a folder is meant by a name that ends with a separator, or by none with an
     /// extension.
     fn files(&self) -> (PathBuf, u32) {

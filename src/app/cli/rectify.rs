@@ -1,15 +1,9 @@
 //! `plumbline rectify`: wide-angle pictures with straight lines, clips without lens distortion. For pictures, builds the same graph as `pipeline/rectify.toml`.
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
-use super::photo_clip::{PhotoClipArgs, analysis, are_clips};
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::sizes::{TargetSize, ViewAngles};
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
+use super::photo_clip::{PhotoClipArgs, analysis, are_clips, refuse};
+use super::prelude::*;
+use crate::pipeline::sizes::ViewAngles;
 use crate::stages::{
     Border, ImageRenderSettings, ImportanceSettings, LensUndistortSettings, LinesDetectSettings, PhotoBorder,
     PhotoRectangleSettings, PhotoRectifySettings, RenderSettings,
@@ -19,7 +13,7 @@ use plumbline_photo::rectify::{Crop, Target};
 
 /// Options of `plumbline rectify`.
 #[derive(Debug, Args)]
-pub struct RectifyArgs {
+pub(super) struct RectifyArgs {
     #[command(flatten)]
     photo: PhotoArgs,
     #[command(flatten)]
@@ -79,16 +73,13 @@ impl Offer for Render {
         &[Setting::of("border").under("Result"), Setting::of("interpolation").under("Result")];
 }
 
-impl RectifyArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.photo.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+impl BuildsPipeline for RectifyArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         if are_clips(&self.photo.inputs)? { self.of_clips() } else { self.of_photos() }
     }
+}
 
+impl RectifyArgs {
     /// What the options say of lens and result.
     fn settings(&self) -> PhotoRectifySettings {
         let (lens, view) = (&self.lens.settings, &self.view.settings);
@@ -162,16 +153,8 @@ impl RectifyArgs {
             (wanted.view != ViewAngles::default(), "--view"),
             (matches!(wanted.crop, Crop::Rectangle | Crop::None), "--crop rectangle or none"),
         ];
-        if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
-            let help = "a stitched picture is warped as it is, without a lens";
-            return Err(Failure::usage(format!("{option} does not go with --rectangle: {help}")));
-        }
-        let shape = match (wanted.size, wanted.crop) {
-            (Some(size), _) => Some(TargetSize::Size(size)),
-            (None, Crop::Aspect(ratio)) => Some(TargetSize::Shape(ratio)),
-            (None, _) => None,
-        };
-        let settings = PhotoRectangleSettings { size: shape };
+        refuse(&given, "does not go with --rectangle: a stitched picture is warped as it is, without a lens")?;
+        let settings = PhotoRectangleSettings { size: wanted.rectangle_size() };
         self.photo.pipeline("rectangle", &self.render.settings, &LinesDetectSettings::default(), |wanted| {
             vec![wanted.connect(StageEntry::built("map", &settings).input("image", "photo"))]
         })

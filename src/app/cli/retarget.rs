@@ -1,15 +1,9 @@
 //! `plumbline retarget`: pictures and clips in another shape. Builds the same graph as `pipeline/retarget.toml`, and for clips
 //! with `--stabilize` as `pipeline/vertical-video.toml`.
 
-use clap::Args;
-
-use super::failure::Failure;
-use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::photo_clip::{PhotoClipArgs, analysis, are_clips};
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
+use super::prelude::*;
 use crate::stages::{
     ClipFaces, ImageRenderSettings, ImportanceSettings, LinesDetectSettings, PhotoBorder, PhotoRetargetSettings,
     RenderSettings, VideoImportanceSettings, VideoRetargetSettings,
@@ -17,7 +11,7 @@ use crate::stages::{
 
 /// Options of `plumbline retarget`.
 #[derive(Debug, Args)]
-pub struct RetargetArgs {
+pub(super) struct RetargetArgs {
     #[command(flatten)]
     photo: PhotoArgs,
     #[command(flatten)]
@@ -55,16 +49,13 @@ impl Offer for Render {
     const SETTINGS: &'static [Setting] = &[Setting::of("interpolation").under("Result")];
 }
 
-impl RetargetArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.photo.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+impl BuildsPipeline for RetargetArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         if are_clips(&self.photo.inputs)? { self.of_clips() } else { self.of_photos() }
     }
+}
 
+impl RetargetArgs {
     fn of_clips(&self) -> Result<PipelineFile, Failure> {
         let faces = if self.photo.faces == "off" { ClipFaces::Off } else { ClipFaces::Auto };
         let judged = VideoImportanceSettings { faces, mask: self.importance.settings.mask.clone() };

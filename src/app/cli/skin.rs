@@ -1,17 +1,13 @@
 //! `plumbline skin`: skinning weights, and skins learned from examples.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::Subcommand;
 
-use super::failure::Failure;
-use super::job::{JobArgs, WeightsArg};
-use super::options::{Given, Offer, Setting};
-use super::run::run_or_print;
-use super::session::Session;
-use crate::pipeline::file::literal_path;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
-use crate::stages::{MeshLoadSettings, SkeletonLoadSettings, SkinTrainSettings, SkinWeightsSettings};
+use super::job::{JobArgs, JobCommand, WeightsArg};
+use super::mesh_stages::with_skeleton;
+use super::prelude::*;
+use crate::stages::{SkinTrainSettings, SkinWeightsSettings};
 
 /// Options of `plumbline skin`.
 #[derive(Debug, Args)]
@@ -23,9 +19,9 @@ pub(super) struct SkinArgs {
 #[derive(Debug, Subcommand)]
 enum SkinCommand {
     /// Compute the skinning weights of a mesh for a skeleton
-    Weights(WeightsArgs),
+    Weights(JobCommand<WeightsArgs>),
     /// Learn a skin from poses of a mesh (rotational regression)
-    Train(Box<TrainArgs>),
+    Train(Box<JobCommand<TrainArgs>>),
 }
 
 /// Options of `plumbline skin weights`.
@@ -39,8 +35,6 @@ struct WeightsArgs {
     skeleton: PathBuf,
     #[command(flatten)]
     weights: Given<Weights>,
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// Options of `plumbline skin train`.
@@ -57,8 +51,6 @@ struct TrainArgs {
     /// How the mesh is bound to --skeleton: heat, biharmonic, distance, or a file of weights
     #[arg(long, default_value_t, value_name = "HOW|FILE", help_heading = "Examples", requires = "skeleton")]
     weights: WeightsArg,
-    #[command(flatten)]
-    job: JobArgs,
 }
 
 /// What `plumbline skin weights` says of `skin.weights`.
@@ -92,53 +84,30 @@ impl Offer for Train {
 }
 
 impl SkinArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline(), self.job().print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> PipelineFile {
+    /// The options of the subcommand, and how the job runs.
+    pub(super) fn parts(&self) -> (&dyn BuildsPipeline, &JobArgs) {
         match &self.command {
-            SkinCommand::Weights(args) => args.pipeline(),
-            SkinCommand::Train(args) => args.pipeline(),
-        }
-    }
-
-    fn job(&self) -> &JobArgs {
-        match &self.command {
-            SkinCommand::Weights(args) => &args.job,
-            SkinCommand::Train(args) => &args.job,
+            SkinCommand::Weights(command) => command.parts(),
+            SkinCommand::Train(command) => command.parts(),
         }
     }
 }
 
-impl TrainArgs {
-    fn pipeline(&self) -> PipelineFile {
+impl BuildsPipeline for TrainArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let train = SkinTrainSettings {
             binding: self.weights.binding(),
             weights: self.weights.file(),
             ..self.train.settings.clone()
         };
-        of_mesh_and_skeleton(&self.input, self.skeleton.as_deref(), StageEntry::built("model", &train), &self.job)
+        let stages = with_skeleton(&self.input, self.skeleton.as_deref(), StageEntry::built("model", &train));
+        Ok(PipelineFile::built("skin", stages))
     }
 }
 
-impl WeightsArgs {
-    fn pipeline(&self) -> PipelineFile {
-        let weights = &self.weights.settings;
-        of_mesh_and_skeleton(&self.input, Some(&self.skeleton), StageEntry::built("weights", weights), &self.job)
+impl BuildsPipeline for WeightsArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
+        let weights = StageEntry::built("weights", &self.weights.settings);
+        Ok(PipelineFile::built("skin", with_skeleton(&self.input, Some(&self.skeleton), weights)))
     }
-}
-
-/// Loads the mesh, and the skeleton where one is given, and hands them to the stage that does the work.
-fn of_mesh_and_skeleton(mesh: &Path, skeleton: Option<&Path>, works: StageEntry, job: &JobArgs) -> PipelineFile {
-    let mesh = MeshLoadSettings { path: literal_path(mesh), ..MeshLoadSettings::default() };
-    let mut works = works.input("mesh", "mesh");
-    let mut stages = vec![StageEntry::built("mesh", &mesh)];
-    if let Some(path) = skeleton {
-        stages.push(StageEntry::built("skeleton", &SkeletonLoadSettings { path: literal_path(path) }));
-        works = works.input("skeleton", "skeleton");
-    }
-    stages.push(works);
-    PipelineFile { name: Some("skin".to_owned()), run: job.run(), stages, ..PipelineFile::default() }
 }

@@ -2,29 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-
-use super::clip::ClipArgs;
-use super::failure::Failure;
-use super::job::{batch, only_input};
-use super::options::{Given, Offer, Setting};
-use super::run::run_or_print;
-use super::session::Session;
+use super::clip::{ClipArgs, clip_extension};
+use super::job::only_input;
+use super::prelude::*;
 use super::target::TargetArgs;
-use crate::pipeline::file::literal_path;
 use crate::pipeline::items::{is_picture, pictures};
 use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
-use crate::pipeline::{Exit, PipelineFile, StageEntry};
 use crate::stages::{
-    Border, Codec, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, RenderSettings, ReportSettings,
-    SmoothSettings, StMapSettings, WarpSettings,
+    Border, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, RenderSettings, ReportSettings, SmoothSettings,
+    StMapSettings, WarpSettings,
 };
 
 /// Options of `plumbline stabilize`.
 #[derive(Debug, Args)]
 #[allow(clippy::struct_excessive_bools)] // each is a flag of the command line
-pub struct StabilizeArgs {
+pub(super) struct StabilizeArgs {
     /// Clips: files, globs, or folders (3gp avi flv insv m2ts m4v mkv mov mp4 mpeg mpg mts mxf ogv ts vob webm wmv y4m);
     /// one image sequence (frames/%05d.png, a folder or a quoted glob of pictures); - for standard input
     #[arg(required = true, value_name = "INPUT")]
@@ -109,31 +102,20 @@ impl Offer for Encode {
     ];
 }
 
-/// Containers that hold what the default codecs give; other inputs get `mp4`.
-pub(super) const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
-
-impl StabilizeArgs {
-    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        run_or_print(self.pipeline()?, self.clip.job.print_pipeline, session)
-    }
-
-    /// The pipeline that the options stand for.
-    pub(super) fn pipeline(&self) -> Result<PipelineFile, Failure> {
+impl BuildsPipeline for StabilizeArgs {
+    fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let (source, output) = match self.target.file() {
             Some(output) => (self.only_input()?, literal_path(output)),
             None => ("${item.path}".to_owned(), self.batch_output()?),
         };
-        let mut file = PipelineFile {
-            name: Some("stabilize".to_owned()),
-            run: self.clip.job.run(),
-            batch: self.target.is_batch().then(|| batch(&self.inputs, BatchSettings::default().jobs)),
-            stages: self.analysis(source),
-            ..PipelineFile::default()
-        };
-        file.stages.extend(self.rendering(&output)?);
-        Ok(file)
+        let mut stages = self.analysis(source);
+        stages.extend(self.rendering(&output)?);
+        let batch = self.target.batch(&self.inputs, BatchSettings::default().jobs);
+        Ok(PipelineFile { batch, ..PipelineFile::built("stabilize", stages) })
     }
+}
 
+impl StabilizeArgs {
     fn only_input(&self) -> Result<String, Failure> {
         let many = self.inputs.len();
         if many > 1 && self.inputs.iter().all(|i| is_picture(Path::new(i))) {
@@ -146,7 +128,7 @@ impl StabilizeArgs {
         }
     }
 
-    /// The name of each result: with the container of the input where that holds the codec, else with one that does.
+    /// The name of each result.
     fn batch_output(&self) -> Result<String, Failure> {
         if self.inputs.iter().any(|i| i == "-") {
             return Err(Failure::usage("standard input has no name to keep; use --output"));
@@ -155,17 +137,7 @@ impl StabilizeArgs {
             let help = "use --output, or a pipeline file with ${item.stem} in the path";
             return Err(Failure::usage(format!("--motion is for one clip, but there may be many; {help}")));
         }
-        let kept = |input: &String| {
-            let extension = Path::new(input).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-            extension.is_some_and(|e| KEPT_CONTAINERS.contains(&e.as_str()))
-        };
-        let extension = match self.encode.settings.codec {
-            Codec::Prores => "mov",
-            Codec::Ffv1 => "mkv",
-            _ if self.inputs.iter().all(kept) => "${item.ext}",
-            _ => "mp4",
-        };
-        Ok(self.target.template(extension))
+        Ok(self.target.template(clip_extension(self.encode.settings.codec, &self.inputs)))
     }
 
     fn analysis(&self, source: String) -> Vec<StageEntry> {

@@ -6,8 +6,10 @@ use clap::{ArgGroup, Args};
 
 use super::failure::Failure;
 use super::job::{may_be_many, only_input};
-use crate::pipeline::file::literal_path;
+use crate::pipeline::file::{entries_of, literal_path};
+use crate::pipeline::options::{BatchSettings, Foreach};
 use crate::pipeline::reference::escape;
+use crate::pipeline::syntax::Entry;
 
 /// Options of commands that take one input or many.
 #[derive(Debug, Args)]
@@ -15,13 +17,13 @@ use crate::pipeline::reference::escape;
 pub(super) struct TargetArgs {
     /// The file to write, for one input; its extension chooses the format; - for standard output, of clips
     #[arg(short, long, value_name = "OUTPUT", conflicts_with_all = ["out_dir", "suffix"])]
-    output: Option<PathBuf>,
+    pub(super) output: Option<PathBuf>,
     /// The folder to write to; results keep the names of their inputs
     #[arg(long, value_name = "DIR")]
-    out_dir: Option<PathBuf>,
+    pub(super) out_dir: Option<PathBuf>,
     /// Text after the name of each input, such as _steady; without --out-dir results are written beside their inputs
     #[arg(long, value_name = "TEXT", value_parser = suffix, allow_hyphen_values = true)]
-    suffix: Option<String>,
+    pub(super) suffix: Option<String>,
 }
 
 /// What is read and what is written, as templates.
@@ -38,9 +40,16 @@ impl TargetArgs {
         self.output.as_deref()
     }
 
-    /// The results have names of their own, so that the command is a batch.
-    pub(super) fn is_batch(&self) -> bool {
-        self.output.is_none()
+    /// One run for each input where results have names of their own; `jobs` at once, 0 for as many as processors and memory
+    /// allow.
+    pub(super) fn batch(&self, inputs: &[String], jobs: u32) -> Option<Vec<Entry>> {
+        let patterns: Vec<String> = inputs.iter().map(|i| escape(i)).collect();
+        let foreach = match patterns.as_slice() {
+            [one] => Foreach::One(one.clone()),
+            _ => Foreach::List(patterns),
+        };
+        let batch = BatchSettings { foreach, jobs, ..BatchSettings::default() };
+        self.output.is_none().then(|| entries_of(&batch, &BatchSettings::default()))
     }
 
     /// Input and result of a command; `many` says what its inputs are, such as `meshes`, and `extension` which extension
@@ -61,7 +70,7 @@ impl TargetArgs {
     /// There may be more than one input.
     pub(super) fn is_many(&self, inputs: &[String]) -> bool {
         let many = if let [one] = inputs { may_be_many(one) } else { true };
-        self.is_batch() && many
+        self.output.is_none() && many
     }
 
     /// The name of a further file of each item: `given` itself for one input, in the folder `given` for many.
@@ -84,7 +93,7 @@ fn folder_of(path: &Path) -> String {
 }
 
 /// Refuses a suffix that would be another folder, or no suffix.
-pub(super) fn suffix(text: &str) -> Result<String, String> {
+fn suffix(text: &str) -> Result<String, String> {
     if text.is_empty() || text.contains(['/', '\\', '\0']) {
         return Err("expected text that can be a part of a file's name, such as _steady".to_owned());
     }

@@ -75,6 +75,13 @@ pub struct PipelineFile {
     pub stages: Vec<StageEntry>,
 }
 
+impl PipelineFile {
+    /// A file with these stages, for programs.
+    pub fn built(name: &str, stages: Vec<StageEntry>) -> Self {
+        Self { name: Some(name.to_owned()), stages, ..Self::default() }
+    }
+}
+
 impl StageEntry {
     /// A stage with typed settings, for programs. Settings equal to their defaults are left out, unless a file must give them. Strings in `settings` are
     /// templates: pass what must not be read as a reference through [`escape`].

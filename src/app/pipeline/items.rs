@@ -112,7 +112,8 @@ fn expand_one(pattern: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Strin
     Ok(found)
 }
 
-fn has_extension(path: &Path, known: &[&str]) -> bool {
+/// True where the name ends in one of these extensions, in letters of either case.
+pub fn has_extension(path: &Path, known: &[&str]) -> bool {
     path.extension().is_some_and(|e| known.contains(&e.to_string_lossy().to_ascii_lowercase().as_str()))
 }
 

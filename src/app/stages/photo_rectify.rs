@@ -54,6 +54,17 @@ impl Default for PhotoRectifySettings {
     }
 }
 
+impl PhotoRectifySettings {
+    /// The size that a rectangle made of a stitched picture gets.
+    pub fn rectangle_size(&self) -> Option<TargetSize> {
+        match (self.size, self.crop) {
+            (Some(size), _) => Some(TargetSize::Size(size)),
+            (None, Crop::Aspect(ratio)) => Some(TargetSize::Shape(ratio)),
+            (None, _) => None,
+        }
+    }
+}
+
 impl Stage for PhotoRectifySettings {
     const KIND: &'static str = "photo.rectify";
     const SUMMARY: &'static str = "finds the map that makes lines straight and keeps shapes";
@@ -89,7 +100,7 @@ impl Stage for PhotoRectifySettings {
         let Some(found) = found else {
             let note = "no lens is known, and the picture looks stitched: its irregular border was made a rectangle";
             context.warn(note.to_owned());
-            return Ok((Arc::new(rectangle::make(context, &photo, &lines, &faces, rectangle_size(self))?),));
+            return Ok((Arc::new(rectangle::make(context, &photo, &lines, &faces, self.rectangle_size())?),));
         };
         found.warnings.iter().for_each(|w| context.warn(w.clone()));
         context.job.check_cancel()?;
@@ -128,15 +139,6 @@ impl Stage for PhotoRectifySettings {
 
 /// What a view of a panorama shows unless said otherwise.
 const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
-
-/// The size of a rectangle, from the settings for size and crop.
-fn rectangle_size(settings: &PhotoRectifySettings) -> Option<TargetSize> {
-    match (settings.size, settings.crop) {
-        (Some(size), _) => Some(TargetSize::Size(size)),
-        (None, Crop::Aspect(ratio)) => Some(TargetSize::Shape(ratio)),
-        (None, _) => None,
-    }
-}
 
 /// Says which faces the crop could not keep.
 fn warn_of_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {

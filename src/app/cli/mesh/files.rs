@@ -5,23 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::super::failure::Failure;
-use super::super::target::suffix;
+use super::super::target::TargetArgs;
 use crate::pipeline::Exit;
 use plumbline_shape::mesh::MeshFormat;
 
 /// Where results go.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("mesh_target").required(true).multiple(true).args(["output", "out_dir", "suffix"]))]
-pub(super) struct TargetArgs {
-    /// The file to write, for one input; its extension chooses the format: obj, ply, off, stl, gltf or glb
-    #[arg(short, long, value_name = "OUTPUT", conflicts_with_all = ["out_dir", "suffix"])]
-    output: Option<PathBuf>,
-    /// The folder to write to; results keep the names of their inputs
-    #[arg(long, value_name = "DIR")]
-    out_dir: Option<PathBuf>,
-    /// Text after the name of each input, such as _clean; without --out-dir results are written beside their inputs
-    #[arg(long, value_name = "TEXT", value_parser = suffix, allow_hyphen_values = true)]
-    suffix: Option<String>,
+pub(super) struct MeshTargetArgs {
+    #[command(flatten)]
+    names: TargetArgs,
     /// Format of results that are named after their inputs; that of the input if left out
     #[arg(long, value_name = "EXT", conflicts_with = "output", value_parser = ["obj", "ply", "off", "stl", "gltf", "glb"])]
     format: Option<String>,
@@ -39,7 +31,7 @@ pub(super) struct Target {
     pub(super) ascii: bool,
 }
 
-impl TargetArgs {
+impl MeshTargetArgs {
     /// A target for each input, checked before the first is read.
     pub(super) fn of(&self, inputs: &[PathBuf]) -> Result<Vec<Target>, Failure> {
         let mut targets: Vec<Target> = Vec::new();
@@ -55,17 +47,17 @@ impl TargetArgs {
     }
 
     fn path_for(&self, input: &Path, count: usize) -> Result<PathBuf, Failure> {
-        if let Some(output) = &self.output {
+        if let Some(output) = &self.names.output {
             let several = || Failure::usage(format!("{count} inputs and one --output; give --out-dir or --suffix"));
             return if count == 1 { Ok(output.clone()) } else { Err(several()) };
         }
         let mut name = input.file_stem().unwrap_or_default().to_owned();
-        name.push(self.suffix.as_deref().unwrap_or_default());
+        name.push(self.names.suffix.as_deref().unwrap_or_default());
         if let Some(extension) = input.extension() {
             name.push(".");
             name.push(extension);
         }
-        let folder = self.out_dir.as_deref().or(input.parent()).unwrap_or(Path::new(""));
+        let folder = self.names.out_dir.as_deref().or(input.parent()).unwrap_or(Path::new(""));
         let mut path = folder.join(name);
         if let Some(extension) = &self.format {
             path.set_extension(extension);

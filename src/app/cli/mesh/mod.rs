@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::failure::Failure;
 use super::print;
 use crate::pipeline::Exit;
-use files::{Target, TargetArgs, all_inputs};
+use files::{MeshTargetArgs, Target, all_inputs};
 use plumbline_num::run::Run;
 use plumbline_shape::mesh::io::{WriteOptions, losses, write_model_with};
 use plumbline_shape::mesh::{
@@ -72,7 +72,7 @@ struct RepairArgs {
     #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]
-    target: TargetArgs,
+    target: MeshTargetArgs,
     #[command(flatten)]
     faults: FaultArgs,
 }
@@ -82,7 +82,7 @@ struct ConvertArgs {
     #[command(flatten)]
     read: ReadArgs,
     #[command(flatten)]
-    target: TargetArgs,
+    target: MeshTargetArgs,
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
