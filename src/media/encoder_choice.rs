@@ -96,7 +96,7 @@ fn named(codec: Codec, name: &str, format: PixelFormat) -> Result<Choice, MediaE
 fn missing(codec: Codec, wanted: &str, reason: &str) -> MediaError {
     let names: Vec<String> = encoders(codec).into_iter().map(|e| e.name).collect();
     let available = if names.is_empty() { "none".into() } else { names.join(", ") };
-    MediaError::NoEncoder { wanted: wanted.to_owned(), reason: reason.to_owned(), available }
+    MediaError::Usage { problem: format!("no encoder for {wanted}: {reason}; available: {available}") }
 }
 
 fn join(names: &[&str]) -> String {
@@ -113,10 +113,10 @@ pub(super) fn choose_still(extension: &str, format: PixelFormat) -> Result<Choic
         "bmp" => "bmp",
         _ => "",
     };
-    find_encoder(name).and_then(|encoder| fit(encoder, format)).ok_or_else(|| MediaError::NoEncoder {
-        wanted: format!("pictures named .{extension}"),
-        reason: "no encoder is known for this extension".into(),
-        available: "png, tif, jpg, dpx, bmp".into(),
+    find_encoder(name).and_then(|encoder| fit(encoder, format)).ok_or_else(|| MediaError::Usage {
+        problem: format!(
+            "no encoder for pictures named .{extension}: no encoder is known for this extension; available: png, tif, jpg, dpx, bmp"
+        ),
     })
 }
 

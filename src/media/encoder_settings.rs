@@ -36,26 +36,24 @@ pub(super) fn settings(
 }
 
 fn dictionary(encoder: &str, video: &VideoInfo, options: &WriteOptions) -> Result<Dictionary, MediaError> {
-    let refuse = |settings: String, reason: &str| {
-        Err(MediaError::EncoderRefused { encoder: encoder.to_owned(), settings, reason: reason.to_owned() })
-    };
+    let refuse = |settings: &str, reason: &str| Err(MediaError::encoder_refused(encoder, settings, reason));
     let speed = match options.preset.as_deref() {
         None => None,
         Some(p) => match PRESETS.iter().position(|known| *known == p) {
             Some(i) => Some((p, i)),
-            None => return refuse(format!("preset \"{p}\""), &format!("one of {}", PRESETS.join(", "))),
+            None => return refuse(&format!("preset \"{p}\""), &format!("one of {}", PRESETS.join(", "))),
         },
     };
     let scale = if encoder.contains("av1") { 63.0 } else { 51.0 };
     if let Some(crf) = options.crf.filter(|c| !(0.0..=scale).contains(c)) {
-        return refuse(format!("crf {crf}"), &format!("expected 0 to {scale}"));
+        return refuse(&format!("crf {crf}"), &format!("expected 0 to {scale}"));
     }
     if options.crf.is_some() && options.bitrate.is_some() {
-        return refuse("both crf and bitrate".into(), "give one of them");
+        return refuse("both crf and bitrate", "give one of them");
     }
     let has_quality = !matches!(encoder, "ffv1" | "prores_ks" | "png" | "tiff" | "dpx" | "bmp" | "libopenh264");
     if options.crf.is_some() && !has_quality {
-        return refuse("crf".into(), "it has no constant-quality setting");
+        return refuse("crf", "it has no constant-quality setting");
     }
     Ok(words(encoder, speed, video, options))
 }

@@ -33,7 +33,7 @@ const TRIAL: usize = 256;
 /// Refuses an encoder that is not available on this machine.
 ///
 /// # Errors
-/// [`MediaError::NoEncoder`], with the encoders that there are.
+/// [`MediaError::Usage`], with the encoders that there are.
 pub fn check_encoder(codec: Codec, choice: &EncoderChoice) -> Result<(), MediaError> {
     choose(codec, choice, PixelFormat::opaque(Layout::Yuv420, 8)).map(drop)
 }

@@ -58,8 +58,8 @@ impl Input {
     /// at once because a clip is read more than once.
     ///
     /// # Errors
-    /// [`MediaError::Missing`], [`MediaError::Empty`], [`MediaError::Unreadable`]; [`MediaError::Protocol`] for anything
-    /// that is not a local file; spooling errors for `-`.
+    /// [`MediaError::Missing`], [`MediaError::Empty`], [`MediaError::Input`] for anything that is not a local file; spooling
+    /// errors for `-`.
     pub fn parse(text: &str) -> Result<Self, MediaError> {
         if text == "-" { Self::spool(std::io::stdin().lock(), &SpoolOptions::default()) } else { Self::local(text) }
     }
@@ -72,7 +72,8 @@ impl Input {
             return Ok(Self::of(text, Source::Sequence(sequence)));
         }
         if let Some((protocol, _)) = text.split_once("://").filter(|_| !path.exists()) {
-            return Err(MediaError::Protocol { path: text.into(), protocol: protocol.into() });
+            let problem = format!("only local files are read (protocol \"{protocol}\" refused); fetch the file first");
+            return Err(MediaError::input(text, problem));
         }
         readable(path, text)?;
         Ok(Self::of(text, Source::File(path.to_owned())))
@@ -81,7 +82,7 @@ impl Input {
     /// Pictures as a clip, in the order given; `name` is used in messages.
     ///
     /// # Errors
-    /// [`MediaError::Missing`], [`MediaError::MixedPictures`], [`MediaError::Spool`].
+    /// [`MediaError::Missing`], [`MediaError::Input`] where they are of several kinds, [`MediaError::Spool`].
     pub fn pictures(name: &str, files: Vec<PathBuf>) -> Result<Self, MediaError> {
         Ok(Self::of(name, Source::Sequence(Sequence::of_pictures(name, files)?)))
     }
@@ -111,12 +112,11 @@ impl Input {
     /// The span `[start, end)` of this input, seconds from its beginning; `None` leaves a side open.
     ///
     /// # Errors
-    /// [`MediaError::EmptySpan`] where the span is empty, negative or not a number.
+    /// [`MediaError::Usage`] where the span is empty, negative or not a number.
     pub fn trimmed(self, start: Option<f64>, end: Option<f64>) -> Result<Self, MediaError> {
         let (from, to) = (start.unwrap_or(0.0), end.unwrap_or(f64::INFINITY));
         if !(from >= 0.0 && to > from) {
-            let (path, length) = (self.name, f64::NAN);
-            return Err(MediaError::EmptySpan { path, start: from, end: to, length });
+            return Err(MediaError::empty_span(&self.name, from, to, f64::NAN));
         }
         Ok(Self { start: start.filter(|s| *s > 0.0), end, ..self })
     }
@@ -124,10 +124,11 @@ impl Input {
     /// An image sequence at `rate`, 1/s; [`PICTURE_RATE`] unless set.
     ///
     /// # Errors
-    /// [`MediaError::OwnTimes`] for anything but an image sequence.
+    /// [`MediaError::Usage`] for anything but an image sequence.
     pub fn at_rate(self, rate: Ratio) -> Result<Self, MediaError> {
         if !self.is_sequence() {
-            return Err(MediaError::OwnTimes { path: self.name });
+            let why = "has times of its own; a frame rate can be given for image sequences only";
+            return Err(MediaError::Usage { problem: format!("{}: {why}", self.name) });
         }
         Ok(Self { rate: Some(rate), ..self })
     }
@@ -205,7 +206,9 @@ impl Input {
         let path = self.name.clone();
         match error.errno() {
             Some(libc::ENOENT) => MediaError::Missing { path },
-            Some(libc::EACCES | libc::EISDIR | libc::EIO) => MediaError::Unreadable { path, reason: error.to_string() },
+            Some(libc::EACCES | libc::EISDIR | libc::EIO) => {
+                MediaError::input(&path, format!("cannot be read: {error}"))
+            }
             Some(libc::ENOMEM) => MediaError::NoMemory { what: format!("opening {path}") },
             _ => MediaError::NotMedia { path, reason: reason(error) },
         }
@@ -216,15 +219,16 @@ impl Input {
         let format = demuxer.format_name();
         let still = format == "image2" || format.ends_with("_pipe");
         if still && !self.is_sequence() {
-            let format = format.trim_end_matches("_pipe").to_owned();
-            return Err(MediaError::StillPicture { path: self.name.clone(), format });
+            let format = format.trim_end_matches("_pipe");
+            let help = "a sequence is given as frames/%05d.png or by its folder";
+            return Err(MediaError::input(&self.name, format!("is a still picture ({format}), not a video; {help}")));
         }
         Ok(())
     }
 }
 
 fn readable(path: &Path, name: &str) -> Result<(), MediaError> {
-    let unreadable = |reason: String| MediaError::Unreadable { path: name.to_owned(), reason };
+    let unreadable = |reason: String| MediaError::input(name, format!("cannot be read: {reason}"));
     let meta = std::fs::metadata(path).map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => MediaError::Missing { path: name.to_owned() },
         _ => unreadable(e.to_string()),

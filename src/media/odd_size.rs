@@ -30,6 +30,11 @@ pub(super) fn avoid(choice: &mut Choice, video: &VideoInfo, strict: bool) -> Res
                 "{width}×{height} px is odd: {encoder} encodes {name} instead of {format} to keep the size"
             )))
         }
-        None => Err(MediaError::OddSize { width, height, encoder, format }),
+        None => Err(MediaError::Usage {
+            problem: format!(
+                "{width}×{height} px is odd, which {encoder} cannot hold in {format} (even sizes only); crop the clip by one \
+                 pixel, or choose a codec that can (ffv1, or h264 with a 4:4:4 source)"
+            ),
+        }),
     }
 }

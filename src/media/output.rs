@@ -75,7 +75,9 @@ impl Output {
         };
         let format = format.filter(|f| self.is_sequence() || !f.opens_own_files()).ok_or_else(unknown)?;
         if self.is_stdout() && !streams(&format.name()) {
-            return Err(MediaError::NotStreamable { container: format.name() });
+            let help = "use matroska, mpegts or a file";
+            let problem = format!("{} cannot be written to standard output; {help}", format.name());
+            return Err(MediaError::Usage { problem });
         }
         Ok(format)
     }
@@ -83,7 +85,7 @@ impl Output {
     /// Refuses at once what writing would refuse after long work: an unknown container, a folder that cannot be written.
     ///
     /// # Errors
-    /// [`MediaError::UnknownContainer`], [`MediaError::NotStreamable`], [`MediaError::Unwritable`],
+    /// [`MediaError::UnknownContainer`], [`MediaError::Usage`], [`MediaError::Output`],
     /// [`MediaError::DiskFull`].
     pub fn preflight(&self) -> Result<(), MediaError> {
         self.format()?;
@@ -102,10 +104,11 @@ impl Output {
         };
         let inputs: HashSet<Identity> = source.files().iter().filter_map(|f| identity(f)).collect();
         if occupied.iter().any(|o| identity(o).is_some_and(|i| inputs.contains(&i))) {
-            return Err(MediaError::TargetIsInput { path: path.to_owned() });
+            let problem = "is the input itself; give the result another name".to_owned();
+            return Err(MediaError::Output { path: path.to_owned(), problem });
         }
         match occupied.into_iter().next() {
-            Some(path) if path.is_dir() => Err(MediaError::Unwritable { path, reason: "it is a folder".into() }),
+            Some(path) if path.is_dir() => Err(MediaError::unwritable(&path, "it is a folder")),
             Some(path) if !overwrite => Err(MediaError::TargetExists { path }),
             _ => Ok(()),
         }

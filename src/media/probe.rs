@@ -135,7 +135,7 @@ pub struct ChapterInfo {
 /// Reads the headers of `input`. Files without video are described like any others.
 ///
 /// # Errors
-/// [`MediaError::NotMedia`], [`MediaError::StillPicture`], [`MediaError::Unreadable`].
+/// [`MediaError::NotMedia`], [`MediaError::Input`].
 pub fn probe(input: &Input) -> Result<MediaInfo, MediaError> {
     let demuxer = input.demux()?;
     let seconds = |us: i64| us as f64 * 1e-6;

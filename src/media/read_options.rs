@@ -24,7 +24,7 @@ pub enum Deinterlace {
     Off,
     /// Interlaced input is an error.
     ///
-    /// Reading stops with [`super::MediaError::Interlaced`].
+    /// Reading stops with [`super::MediaError::Input`].
     Refuse,
 }
 

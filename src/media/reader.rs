@@ -84,7 +84,8 @@ impl VideoReader {
     /// The next frame in display order; `None` at the end.
     ///
     /// # Errors
-    /// [`MediaError::FormatChange`], [`MediaError::Interlaced`] where deinterlacing is refused, [`MediaError::NoMemory`].
+    /// [`MediaError::Input`] where the format changes, or a frame is interlaced and deinterlacing is refused;
+    /// [`MediaError::NoMemory`].
     pub fn next_frame(&mut self) -> Result<Option<Frame>, MediaError> {
         while self.ready.is_empty() && !self.ended {
             match self.core.next_within(self.span, &mut self.report)? {
@@ -117,7 +118,9 @@ impl VideoReader {
     fn accept(&mut self, picture: AvFrame) -> Result<(), MediaError> {
         let index = self.report.frames + self.ready.len() as u64;
         if let Some((was, now)) = self.unpacker.differs(&picture) {
-            return Err(MediaError::FormatChange { path: self.name.clone(), frame: index, was, now });
+            let help = "cut the clip there or bring it to one size first";
+            let problem = format!("frame {index} is {now}, all before it are {was}; {help}");
+            return Err(MediaError::input(&self.name, problem));
         }
         let lost = picture.best_pts().map(|t| self.core.losses.passed_over(t)).unwrap_or_default();
         let span = self.span;
@@ -140,7 +143,8 @@ impl VideoReader {
         let fields = picture.is_interlaced().then(|| picture.is_top_first());
         let planar = self.unpacker.unpack(picture)?;
         if fields.is_some() && self.deinterlacer.refuses() {
-            return Err(MediaError::Interlaced { path: self.name.clone(), frame: index });
+            let help = "allow deinterlacing, or convert it to progressive video first";
+            return Err(MediaError::input(&self.name, format!("frame {index} is interlaced; {help}")));
         }
         if fields.is_none() && self.deinterlacer.trusts_flags() {
             let (size, bytes) = (planar.frame().size(), planar.format().bytes_per_sample());
@@ -285,8 +289,8 @@ impl Core {
     }
 
     fn read_error(&self, error: AvError) -> MediaError {
-        let reason = super::error::reason(error);
-        MediaError::Read { path: self.name.clone(), frames: self.pictures, reason }
+        let (frames, reason) = (self.pictures, super::error::reason(error));
+        MediaError::input(&self.name, format!("reading failed after {frames} frames: {reason}"))
     }
 }
 
@@ -295,7 +299,7 @@ fn nothing_decoded(input: &Input, core: &Core) -> MediaError {
     if input.is_trimmed() && core.pictures > 0 {
         let (start, end) = input.span();
         let length = core.demuxer.duration_us().map_or(f64::NAN, |d| d as f64 * 1e-6);
-        return MediaError::EmptySpan { path, start, end: end.unwrap_or(f64::INFINITY), length };
+        return MediaError::empty_span(&path, start, end.unwrap_or(f64::INFINITY), length);
     }
     MediaError::NoFrames { path, codec: core.demuxer.stream(core.stream).codec_name() }
 }

@@ -49,7 +49,7 @@ impl Sequence {
     /// The sequence that `text` names; `None` where it is no pattern.
     ///
     /// # Errors
-    /// [`MediaError::Missing`] where no file matches, [`MediaError::Gap`] where a number is missing in between.
+    /// [`MediaError::Missing`] where no file matches, [`MediaError::Input`] where a number is missing in between.
     pub(super) fn find(text: &str) -> Result<Option<Self>, MediaError> {
         let path = Path::new(text);
         let Some(pattern) = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse) else {
@@ -67,7 +67,9 @@ impl Sequence {
         let first = numbered.first().ok_or_else(missing)?.0;
         if let Some(gap) = (first..).zip(&numbered).find_map(|(n, (found, _))| (n != *found).then_some(n)) {
             let last = numbered.last().map_or(gap, |l| l.0);
-            return Err(MediaError::Gap { path: text.to_owned(), missing: gap, first, last });
+            let help = "supply it, or give the folder to take the pictures that are there in the order of their names";
+            let problem = format!("number {gap} is missing ({first} to {last} are there in part); {help}");
+            return Err(MediaError::input(text, problem));
         }
         let files = numbered.into_iter().map(|(_, file)| file).collect();
         Ok(Some(Self { pattern: muxer_pattern(folder, text), first, files, _links: None }))
@@ -76,7 +78,7 @@ impl Sequence {
     /// `files` in this order; `name` is used in messages.
     ///
     /// # Errors
-    /// [`MediaError::Missing`] without a file, [`MediaError::MixedPictures`] where they are of several kinds,
+    /// [`MediaError::Missing`] without a file, [`MediaError::Input`] where they are of several kinds,
     /// [`MediaError::Spool`] where the links cannot be made.
     pub(super) fn of_pictures(name: &str, files: Vec<PathBuf>) -> Result<Self, MediaError> {
         let kind = |file: &PathBuf| file.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
@@ -84,9 +86,10 @@ impl Sequence {
         kinds.sort();
         kinds.dedup();
         let [extension] = kinds.as_slice() else {
-            let path = name.to_owned();
-            let mixed = MediaError::MixedPictures { path: path.clone(), kinds: kinds.join(", ") };
-            return Err(if kinds.is_empty() { MediaError::Missing { path } } else { mixed });
+            let Some(first) = kinds.first() else { return Err(MediaError::Missing { path: name.to_owned() }) };
+            let help = format!("name one kind, such as '{name}/*.{first}'");
+            let problem = format!("holds pictures of several kinds ({}); {help}", kinds.join(", "));
+            return Err(MediaError::input(name, problem));
         };
         let place = std::env::temp_dir();
         let fail = |source| MediaError::Spool { place: place.clone(), source };

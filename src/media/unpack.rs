@@ -19,7 +19,10 @@ pub(super) struct Unpacker {
 impl Unpacker {
     /// An unpacker for pictures like `frame`.
     pub(super) fn new(frame: &AvFrame, name: &str) -> Result<Self, MediaError> {
-        let unsupported = |format: String| MediaError::PixelFormat { path: name.to_owned(), format };
+        let unsupported = |format: String| {
+            let known = "(planar, packed or palette integer formats are)";
+            MediaError::input(name, format!("pixel format {format} is not supported {known}"))
+        };
         let pix = frame.pix().ok_or_else(|| unsupported("unknown".into()))?;
         let (format, widened) = match pix.route() {
             Route::Direct(format) | Route::Repack(format) => (format, false),

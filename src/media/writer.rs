@@ -112,13 +112,14 @@ impl VideoWriter {
     /// Encodes the next frame; times must increase. Frames in memory of another layer are copied, all others are not.
     ///
     /// # Errors
-    /// [`MediaError::WrongFrame`] where the frame is not like the video announced; [`MediaError::DiskFull`],
-    /// [`MediaError::Unwritable`].
+    /// [`MediaError::Internal`] where the frame is not like the video announced; [`MediaError::DiskFull`],
+    /// [`MediaError::Output`].
     pub fn write(&mut self, frame: Frame) -> Result<(), MediaError> {
         let got = describe(frame.width, frame.height, frame.format);
         let expected = describe(self.info.width, self.info.height, self.info.format);
         if got != expected {
-            return Err(MediaError::WrongFrame { got, expected });
+            let reason = format!("a frame of {got} was handed to a writer for {expected}");
+            return Err(MediaError::Internal { doing: "writing a frame".to_owned(), reason });
         }
         let pts = frame.pts.0.saturating_add(self.shift);
         let duration = if frame.duration > 0 { frame.duration } else { self.info.mean_ticks() };
@@ -153,8 +154,8 @@ impl VideoWriter {
     }
 
     fn encoding(&self, error: av::AvError) -> MediaError {
-        let (encoder, settings) = (self.report.encoder.clone(), format!("frame {}", self.report.frames));
-        MediaError::EncoderRefused { encoder, settings, reason: reason(error) }
+        let frame = format!("frame {}", self.report.frames);
+        MediaError::encoder_refused(&self.report.encoder, &frame, &reason(error))
     }
 
     /// Writes what the encoder has ready, and the other streams' packets that belong before it.
@@ -187,7 +188,7 @@ struct Warnings {
 impl Warnings {
     fn add(&mut self, what: String) -> Result<(), MediaError> {
         if self.strict {
-            return Err(MediaError::Loss { what });
+            return Err(MediaError::Usage { problem: format!("{what} (refused because of strict)") });
         }
         tracing::warn!("{what}");
         self.list.push(what);
@@ -252,11 +253,8 @@ fn open_choice(
     settings.global_header = format.wants_global_header();
     let summary = format!("{} in {}", describe(video.width, video.height, video.format), choice.pix.name());
     av::log::forget();
-    let encoder = Encoder::open(choice.encoder, settings).map_err(|e| MediaError::EncoderRefused {
-        encoder: choice.encoder.name(),
-        settings: summary,
-        reason: reason(e),
-    })?;
+    let encoder = Encoder::open(choice.encoder, settings)
+        .map_err(|e| MediaError::encoder_refused(&choice.encoder.name(), &summary, &reason(e)))?;
     Ok((choice, encoder, surface))
 }
 
