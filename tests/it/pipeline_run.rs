@@ -7,9 +7,10 @@ use std::sync::{Arc, Mutex};
 use plumbline::app::pipeline::execute::{Report, execute};
 use plumbline::app::pipeline::progress::{Event, Progress, Silent};
 use plumbline::app::pipeline::{
-    ArtifactStore, Exit, InputSummary, Job, Pass, Probed, RunError, SegmentSummary, Shake, ShakeSummary, Source,
-    StageRunner, Summary, read,
+    ArtifactStore, Exit, InputSummary, Job, Pass, Probed, RunError, Shake, ShakeSummary, Source, StageRunner, Summary,
+    read,
 };
+use plumbline::app::report::Segment;
 
 use crate::pipeline::GOOD;
 
@@ -262,7 +263,7 @@ fn events_report_the_run_in_order() {
 #[test]
 fn a_summary_reads_well() {
     let shake = ShakeSummary { before: Shake { px: 12.34, deg: 0.45 }, after: Shake { px: 1.2, deg: 0.04 } };
-    let segment = |frames, mode: &str, reason: &str| SegmentSummary {
+    let segment = |frames, mode: &str, reason: &str| Segment {
         frames,
         mode: mode.into(),
         reason: reason.into(),

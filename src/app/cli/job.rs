@@ -13,8 +13,6 @@ use crate::pipeline::PipelineFile;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::is_glob;
 use crate::pipeline::options::{ProgressMode, RunSettings};
-use crate::pipeline::reference::escape;
-use crate::pipeline::syntax::Entry;
 use plumbline_shape::character::weights::WeightMethod;
 
 /// Options of every command that computes something.

@@ -54,7 +54,5 @@ pub use problem::{Problem, Problems};
 pub use run_error::{Exit, RunError};
 pub use schema::{FileFormat, schema, schema_of_format};
 pub use settings::{number_for, words_of};
-pub use summary::{
-    InputSummary, LinesSummary, SegmentSummary, Shake, ShakeSummary, Summary, SurfaceSummary, WindowSummary,
-};
+pub use summary::{InputSummary, LinesSummary, Shake, ShakeSummary, Summary, SurfaceSummary, WindowSummary};
 pub use syntax::Source;

@@ -1,8 +1,12 @@
 //! Why an instance failed, and whose fault it is.
 
 use super::problem::Problems;
+use plumbline_media::{Fault, MediaError};
 use plumbline_num::run::Stopped;
 use plumbline_photo::PhotoError;
+use plumbline_shape::character::CharacterError;
+use plumbline_shape::morph::MorphError;
+use plumbline_shape::surface::SurfaceError;
 use plumbline_video::stabilize::StabilizeError;
 
 /// Why an instance failed. The message says what, where, the value, the allowed range and what to do.
@@ -87,6 +91,48 @@ impl From<StabilizeError> for RunError {
             StabilizeError::Store(_) => Self::Temporary(error.to_string()),
             StabilizeError::Warp { .. } => Self::Internal(error.to_string()),
             _ => Self::Input(error.to_string()),
+        }
+    }
+}
+
+impl From<MediaError> for RunError {
+    fn from(error: MediaError) -> Self {
+        let text = error.to_string();
+        match error.fault() {
+            Fault::Usage => Self::Usage(text),
+            Fault::Input => Self::Input(text),
+            Fault::Output => Self::Output(text),
+            Fault::Environment => Self::Temporary(text),
+            Fault::Internal => Self::Internal(text),
+        }
+    }
+}
+
+impl From<SurfaceError> for RunError {
+    fn from(error: SurfaceError) -> Self {
+        match error {
+            SurfaceError::Interrupted(stopped) => stopped.into(),
+            SurfaceError::Option { .. } | SurfaceError::Convergence(_) => Self::Usage(error.to_string()),
+            SurfaceError::Pose { .. } | SurfaceError::PerVertex { .. } => Self::Internal(error.to_string()),
+            other => Self::Input(other.to_string()),
+        }
+    }
+}
+
+impl From<MorphError> for RunError {
+    fn from(error: MorphError) -> Self {
+        match error {
+            MorphError::Interrupted(stopped) => stopped.into(),
+            other => Self::Input(other.to_string()),
+        }
+    }
+}
+
+impl From<CharacterError> for RunError {
+    fn from(error: CharacterError) -> Self {
+        match error {
+            CharacterError::Interrupted(stopped) => stopped.into(),
+            other => Self::Input(other.to_string()),
         }
     }
 }

@@ -1,14 +1,9 @@
 //! Sizes, shapes and directions of pictures, as people write them: `1600x1200`, `60%`, `16:9`, `10,-5,0`.
 
-use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::Deserializer;
-use serde::{Deserialize, Serialize, Serializer};
-
-use super::units::number_or_text;
+use super::units::as_text;
 use plumbline_photo::AspectRatio;
 
 /// Largest side of a picture that is rendered, px.
@@ -233,42 +228,14 @@ impl fmt::Display for ViewField {
     }
 }
 
-/// Read from and written as text.
-macro_rules! as_text {
-    ($($name:ident: $expected:literal, $pattern:literal;)*) => {$(
-        impl<'de> Deserialize<'de> for $name {
-            fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-                number_or_text(d, $expected)
-            }
-        }
-
-        impl Serialize for $name {
-            fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-                s.collect_str(self)
-            }
-        }
-
-        impl JsonSchema for $name {
-            fn schema_name() -> Cow<'static, str> {
-                stringify!($name).into()
-            }
-
-            fn json_schema(_: &mut SchemaGenerator) -> Schema {
-                json_schema!({"type": "string", "pattern": $pattern})
-            }
-        }
-    )*};
-}
-
-pub(super) use as_text;
-
 as_text! {
-    PixelSize: "a size such as \"1600x1200\"", "^[0-9]+[xX×][0-9]+$";
-    PictureSize: "a size such as \"1600x1200\", \"800x\", \"x600\" or \"60%\"", "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$";
+    PixelSize: "a size such as \"1600x1200\"", {"type": "string", "pattern": "^[0-9]+[xX×][0-9]+$"};
+    PictureSize: "a size such as \"1600x1200\", \"800x\", \"x600\" or \"60%\"",
+        {"type": "string", "pattern": "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$"};
     TargetSize: "a size such as \"1080x1920\", \"800x\", \"x600\" or \"60%\", or a shape such as \"9:16\"",
-        "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$|^[0-9.]+:[0-9.]+$";
-    ViewField: "\"WIDTH,HEIGHT\" in degrees", "^[0-9.]+,[0-9.]+$";
-    ViewAngles: "\"YAW,PITCH,ROLL\" in degrees", "^-?[0-9.]+(,-?[0-9.]+){0,2}$";
+        {"type": "string", "pattern": "^[0-9]+[xX×][0-9]*$|^[xX×][0-9]+$|^[0-9.]+%$|^[0-9.]+:[0-9.]+$"};
+    ViewField: "\"WIDTH,HEIGHT\" in degrees", {"type": "string", "pattern": "^[0-9.]+,[0-9.]+$"};
+    ViewAngles: "\"YAW,PITCH,ROLL\" in degrees", {"type": "string", "pattern": "^-?[0-9.]+(,-?[0-9.]+){0,2}$"};
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use crate::report::Segment;
 use plumbline_media::{Input, VideoInfo};
 pub use plumbline_video::stabilize::{Shake, ShakeSummary};
 
@@ -34,21 +35,6 @@ impl InputSummary {
     }
 }
 
-/// The warp of one stretch of frames.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct SegmentSummary {
-    /// Frames, from 0.
-    pub frames: Range<u64>,
-    /// Mode in use: `mesh`, `homography`, `similarity` or `unchanged`.
-    pub mode: String,
-    /// Why this mode.
-    pub reason: String,
-    /// Part of the picture's width and height that was kept, mean over its frames.
-    pub crop: Option<f64>,
-    /// Shake before and after.
-    pub shake: Option<ShakeSummary>,
-}
-
 /// What was done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
@@ -63,7 +49,7 @@ pub struct Summary {
     /// FFmpeg's name of the encoder.
     pub encoder: Option<String>,
     /// Mode per segment.
-    pub segments: Vec<SegmentSummary>,
+    pub segments: Vec<Segment>,
     /// Shake before and after, over the whole clip.
     pub shake: Option<ShakeSummary>,
     /// Part of the picture's width and height that was kept, mean over the frames; 1 = all.
@@ -273,14 +259,14 @@ impl fmt::Display for InputSummary {
     }
 }
 
-impl fmt::Display for SegmentSummary {
+impl fmt::Display for Segment {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Range { start, end } = self.frames;
         write!(f, "{:<9} frames {start} to {}: {}", self.mode, end.saturating_sub(1).max(start), self.reason)
     }
 }
 
-impl SegmentSummary {
+impl Segment {
     /// Its crop and shake in short.
     fn figures(&self) -> Option<String> {
         let crop = self.crop.map(|c| format!("crop {:.1} %", 100.0 * c));

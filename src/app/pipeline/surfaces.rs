@@ -1,15 +1,9 @@
 //! Colors as people write them: `white`, `#204060`.
 
-use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::Deserializer;
-use serde::{Deserialize, Serialize, Serializer};
-
-use super::sizes::as_text;
-use super::units::number_or_text;
+use super::units::as_text;
 use plumbline_image::canvas::Rgb;
 
 /// Color behind a mesh. Written `"#204060"`, `"white"` or `"black"`.
@@ -40,7 +34,8 @@ impl fmt::Display for BackgroundColor {
 }
 
 as_text! {
-    BackgroundColor: "a color such as \"white\" or \"#204060\"", "^white$|^black$|^gray$|^#[0-9a-fA-F]{6}$";
+    BackgroundColor: "a color such as \"white\" or \"#204060\"",
+        {"type": "string", "pattern": "^white$|^black$|^gray$|^#[0-9a-fA-F]{6}$"};
 }
 
 #[cfg(test)]

@@ -3,9 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, Deserializer, Visitor};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Serialize, Serializer};
 
 use plumbline_media::Ratio;
 
@@ -108,27 +107,9 @@ impl fmt::Display for FrameRate {
     }
 }
 
-impl<'de> Deserialize<'de> for FrameRate {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        number_or_text(d, "frames per second such as 24 or \"30000/1001\"")
-    }
-}
-
 impl Serialize for FrameRate {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         if self.0.den == 1 { s.serialize_i32(self.0.num) } else { s.collect_str(self) }
-    }
-}
-
-impl JsonSchema for FrameRate {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "FrameRate".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [
-            {"type": "number", "exclusiveMinimum": 0, "maximum": 1000},
-            {"type": "string", "pattern": "^[0-9.]+(/[0-9]+)?$"}
-        ]})
     }
 }
 
@@ -222,70 +203,67 @@ where
     deserializer.deserialize_any(Either(expected, std::marker::PhantomData))
 }
 
-impl<'de> Deserialize<'de> for ClipTime {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        number_or_text(d, "seconds or \"[HH:]MM:SS\"")
-    }
-}
-
-impl<'de> Deserialize<'de> for ByteSize {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        number_or_text(d, "a size such as \"256MiB\"")
-    }
-}
-
-impl<'de> Deserialize<'de> for BitRate {
-    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        number_or_text(d, "a bit rate such as \"6M\"")
-    }
-}
-
 impl Serialize for ClipTime {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
         s.serialize_f64(self.0)
     }
 }
 
-impl Serialize for ByteSize {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_str(self)
-    }
+/// Read as a number or as text; in the schema as it says.
+macro_rules! from_text {
+    ($($name:ident: $expected:literal, $schema:tt;)*) => {$(
+        impl<'de> serde::Deserialize<'de> for $name {
+            fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+                $crate::pipeline::units::number_or_text(d, $expected)
+            }
+        }
+
+        impl schemars::JsonSchema for $name {
+            fn schema_name() -> std::borrow::Cow<'static, str> {
+                stringify!($name).into()
+            }
+
+            fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+                schemars::json_schema!($schema)
+            }
+        }
+    )*};
 }
 
-impl Serialize for BitRate {
-    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_str(self)
-    }
+/// The same, and written as text.
+macro_rules! as_text {
+    ($($name:ident: $expected:literal, $schema:tt;)*) => {
+        $crate::pipeline::units::from_text! { $($name: $expected, $schema;)* }
+        $(
+            impl serde::Serialize for $name {
+                fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+                    s.collect_str(self)
+                }
+            }
+        )*
+    };
 }
 
-impl JsonSchema for ClipTime {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "ClipTime".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [{"type": "number", "minimum": 0}, {"type": "string", "pattern": "^([0-9]+:){0,2}[0-9.]+$"}]})
-    }
+pub(super) use {as_text, from_text};
+
+from_text! {
+    ClipTime: "seconds or \"[HH:]MM:SS\"",
+        {"anyOf": [{"type": "number", "minimum": 0}, {"type": "string", "pattern": "^([0-9]+:){0,2}[0-9.]+$"}]};
+    FrameRate: "frames per second such as 24 or \"30000/1001\"",
+        {"anyOf": [
+            {"type": "number", "exclusiveMinimum": 0, "maximum": 1000},
+            {"type": "string", "pattern": "^[0-9.]+(/[0-9]+)?$"}
+        ]};
 }
 
-impl JsonSchema for ByteSize {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "ByteSize".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [
+as_text! {
+    ByteSize: "a size such as \"256MiB\"",
+        {"anyOf": [
             {"type": "integer", "minimum": 0},
             {"type": "string", "pattern": "^[0-9.]+ *([KMGkmg]i?)?[Bb]?$"}
-        ]})
-    }
-}
-
-impl JsonSchema for BitRate {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "BitRate".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [{"type": "integer", "minimum": 1}, {"type": "string", "pattern": "^[0-9.]+ *[kKMmGg]?$"}]})
-    }
+        ]};
+    BitRate: "a bit rate such as \"6M\"",
+        {"anyOf": [{"type": "integer", "minimum": 1}, {"type": "string", "pattern": "^[0-9.]+ *[kKMmGg]?$"}]};
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use std::ops::Range;
 use serde::Serialize;
 
 use super::pictures::Picture;
+use plumbline_video::stabilize::ShakeSummary;
 
 /// A run on one clip.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -14,7 +15,7 @@ pub struct Report {
     /// What was written.
     pub outcome: Outcome,
     /// Shake of the whole clip, where it was measured.
-    pub shake: Option<Change<Shake>>,
+    pub shake: Option<ShakeSummary>,
     /// What was kept of the picture.
     pub crop: Option<Crop>,
     /// Readout time of the sensor that was corrected for, s.
@@ -89,15 +90,6 @@ pub struct Change<T> {
     pub after: T,
 }
 
-/// How far a picture strays from its course, RMS.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Shake {
-    /// Of its center, px.
-    pub px: f64,
-    /// Of its angle, degrees.
-    pub deg: f64,
-}
-
 /// Part of the picture's width and height that was kept; 1 = all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Crop {
@@ -108,18 +100,18 @@ pub struct Crop {
 }
 
 /// A stretch of frames that were drawn alike.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Segment {
     /// Its frames.
     pub frames: Range<usize>,
-    /// How they were drawn: `mesh`, `3d` and the like.
+    /// How they were drawn: `mesh`, `3d` and the like, or the verdict on cameras in space.
     pub mode: String,
     /// Why.
     pub reason: String,
     /// Part of width and height that was kept, mean.
     pub crop: Option<f64>,
     /// Shake, where it was measured.
-    pub shake: Option<Change<Shake>>,
+    pub shake: Option<ShakeSummary>,
 }
 
 /// A quantity over the frames, in one or more curves.

@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::axis::number;
-use super::data::{Change, Report};
+use super::data::Report;
 use super::escape::Text;
+use plumbline_video::stabilize::ShakeSummary;
 
 /// A share as percent.
 pub(super) fn percent(share: f64) -> String {
@@ -23,7 +24,7 @@ pub(super) fn glance(out: &mut String, report: &Report) {
         let (name, value, note) = (Text(name), Text(value), Text(note));
         let _ = write!(out, "<div><dt>{name}</dt><dd>{value}</dd><dd class=\"note\">{note}</dd></div>");
     };
-    if let Some(Change { before, after }) = report.shake {
+    if let Some(ShakeSummary { before, after }) = report.shake {
         card("Shake", &shift(before.px, after.px), &left(before.px, after.px));
         let angle = format!("{}° → {}°", number(before.deg, 2), number(after.deg, 2));
         card("Shake, angle", &angle, &left(before.deg, after.deg));
@@ -86,7 +87,7 @@ fn rows(report: &Report) -> Vec<Row> {
         let text = format!("{} per second", text.trim_end_matches('0').trim_end_matches('.'));
         rows.push(("Frame rate", text.clone(), text));
     }
-    if let Some(Change { before, after }) = report.shake {
+    if let Some(ShakeSummary { before, after }) = report.shake {
         rows.push(("Shake", format!("{} px", number(before.px, 2)), format!("{} px", number(after.px, 2))));
         rows.push(("Shake, angle", format!("{}°", number(before.deg, 2)), format!("{}°", number(after.deg, 2))));
     }
@@ -104,7 +105,8 @@ fn rows(report: &Report) -> Vec<Row> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{Segment, Shake};
+    use crate::report::Segment;
+    use plumbline_video::stabilize::Shake;
 
     fn segment(frames: std::ops::Range<usize>, mode: &str) -> Segment {
         Segment { frames, mode: mode.to_owned(), ..Segment::default() }
@@ -127,7 +129,8 @@ mod tests {
         let rows = rows(&Report::default());
         assert_eq!(rows.iter().map(|r| r.0).collect::<Vec<_>>(), ["File", "Picture", "Frames"]);
         assert_eq!((rows[0].2.as_str(), rows[1].2.as_str()), ("–", "–"));
-        let steady = Change { before: Shake::default(), after: Shake::default() };
+        let none = Shake { px: 0.0, deg: 0.0 };
+        let steady = ShakeSummary { before: none, after: none };
         let mut out = String::new();
         glance(&mut out, &Report { shake: Some(steady), ..Report::default() });
         assert!(out.contains("<dd>0.00 → 0.00\u{a0}px</dd><dd class=\"note\">there was none</dd>"), "{out}");

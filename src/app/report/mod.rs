@@ -20,9 +20,7 @@ mod plot;
 mod segments;
 mod timeline;
 
-pub use data::{
-    Cameras, Change, Chart, Clip, Crop, Curve, Curves, Moment, Outcome, Report, Segment, Shake, ShotVerdict,
-};
+pub use data::{Cameras, Change, Chart, Clip, Crop, Curve, Curves, Moment, Outcome, Report, Segment, ShotVerdict};
 pub use document::{ReportFormat, document};
 pub use page::page;
 pub use pictures::{Picture, View};

@@ -217,9 +217,9 @@ fn character(
         Some(trained) => trained.weights(model.mesh(), &rig.skeleton)?,
         None => binding::weights(context, model.mesh(), &rig.skeleton, settings.binding, settings.weights.as_ref())?,
     };
-    let skin = Skin::bound(weights, &rig.skeleton).map_err(refused)?;
+    let skin = Skin::bound(weights, &rig.skeleton)?;
     let still = model.clone().with_articulation(None).map_err(|e| RunError::Internal(e.to_string()))?;
-    let character = Character::new(still, rig.skeleton.clone(), Arc::new(skin)).map_err(refused)?;
+    let character = Character::new(still, rig.skeleton.clone(), Arc::new(skin))?;
     Ok(Character { clips: rig.clips.clone(), ..character })
 }
 
@@ -335,31 +335,24 @@ impl Follower {
         match self {
             Self::Trained(trained, at_rest) => {
                 if at_rest.as_slice() != morphs {
-                    trained.set_rest(&character.morphed(morphs).map_err(refused)?, run).map_err(refused)?;
+                    trained.set_rest(&character.morphed(morphs)?, run)?;
                     morphs.clone_into(at_rest);
                 }
-                trained.positions(matrices).map_err(refused)
+                Ok(trained.positions(matrices)?)
             }
-            Self::Blend(skinner, _) if !morphed => skinner.positions(matrices).map_err(refused),
+            Self::Blend(skinner, _) if !morphed => Ok(skinner.positions(matrices)?),
             Self::Blend(_, method) => {
-                let positions = character.morphed(morphs).map_err(refused)?;
+                let positions = character.morphed(morphs)?;
                 let mesh =
                     character.model.mesh().with_positions(positions).map_err(|e| RunError::Input(e.to_string()))?;
-                blend(character, &mesh, *method, run)?.positions(matrices).map_err(refused)
+                Ok(blend(character, &mesh, *method, run)?.positions(matrices)?)
             }
         }
     }
 }
 
-fn blend(character: &Character, mesh: &TriMesh, method: SkinningMethod, run: &Run) -> Result<Skinner, RunError> {
-    Skinner::new(mesh, None, &character.skeleton, &character.skin, method, run).map_err(refused)
-}
-
-fn refused(error: CharacterError) -> RunError {
-    match error {
-        CharacterError::Interrupted(stopped) => stopped.into(),
-        error => RunError::Input(error.to_string()),
-    }
+fn blend(character: &Character, mesh: &TriMesh, method: SkinningMethod, run: &Run) -> Result<Skinner, CharacterError> {
+    Skinner::new(mesh, None, &character.skeleton, &character.skin, method, run)
 }
 
 /// Positions of the surface in each pose.
@@ -372,17 +365,15 @@ fn skinned(
 ) -> Result<Vec<Vec<Point3<f64>>>, RunError> {
     let skin = &character.skin;
     let mut follower = Follower::new(character, trained, settings, &context.job.run())?;
-    let refiner = |weight| {
-        DetailRefiner::new(character.model.mesh(), skin.weights(), weight, &context.job.run()).map_err(refused)
-    };
+    let refiner = |weight| DetailRefiner::new(character.model.mesh(), skin.weights(), weight, &context.job.run());
     let mut refiner = settings.details.map(refiner).transpose()?;
     let mut positions = Vec::with_capacity(wanted.len());
     for (pose, morphs) in wanted {
         context.job.check_cancel()?;
-        let matrices = skin.joint_matrices(&character.skeleton.globals(pose).map_err(refused)?).map_err(refused)?;
+        let matrices = skin.joint_matrices(&character.skeleton.globals(pose)?)?;
         let skinned = follower.positions(character, &matrices, morphs, &context.job.run())?;
         positions.push(match &mut refiner {
-            Some(refiner) => refiner.refined(skinned, &matrices, &context.job.run()).map_err(refused)?,
+            Some(refiner) => refiner.refined(skinned, &matrices, &context.job.run())?,
             None => skinned,
         });
     }

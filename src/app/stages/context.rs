@@ -10,7 +10,7 @@ use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::{InputSummary, Summary};
 use crate::pipeline::units::{ClipTime, FrameRate};
-use plumbline_media::{Fault, FieldOrder, Input, MediaError, ReadOptions, ReadReport, VideoReader};
+use plumbline_media::{FieldOrder, Input, MediaError, ReadOptions, ReadReport, VideoReader};
 
 /// One pass at work.
 pub struct Context<'c, 'j> {
@@ -56,7 +56,7 @@ impl Context<'_, '_> {
         let input = open_input(&settings.path)
             .and_then(|i| if let Some(rate) = rate { i.at_rate(rate) } else { Ok(i) })
             .and_then(|i| i.trimmed(start, end));
-        let input = input.map_err(media_error)?;
+        let input = input?;
         let seen = Seen::of(&input);
         self.values.put(decode, "input", Source { input: input.clone(), seen });
         Ok(input)
@@ -67,7 +67,7 @@ impl Context<'_, '_> {
         let input = self.input(decode)?;
         let deinterlace = self.decode_settings(decode)?.deinterlace;
         let options = ReadOptions { threads: self.job.threads, deinterlace };
-        let reader = VideoReader::open(&input, &options).map_err(media_error)?;
+        let reader = VideoReader::open(&input, &options)?;
         self.summary.input.get_or_insert_with(|| InputSummary::of(&input, reader.info()));
         Ok((input, reader))
     }
@@ -153,40 +153,4 @@ impl Source {
 /// The clip is not what it was in the pass before.
 pub(crate) fn changed(name: &str, how: &str) -> RunError {
     RunError::Input(format!("{name}: the file changed while it was at work ({how}); start again when it is complete"))
-}
-
-/// An error of media in the terms of a run.
-#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
-pub(crate) fn media_error(error: MediaError) -> RunError {
-    let text = error.to_string();
-    match error.fault() {
-        Fault::Usage => RunError::Usage(text),
-        Fault::Input => RunError::Input(text),
-        Fault::Output => RunError::Output(text),
-        Fault::Environment => RunError::Temporary(text),
-        Fault::Internal => RunError::Internal(text),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::io::Write;
-
-    #[test]
-    fn a_file_that_grows_between_two_passes_is_refused() {
-        let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
-        file.write_all(b"half").expect("a few bytes");
-        let input = Input::parse(file.path().to_str().expect("UTF-8")).expect("it is there");
-        let source = Source { seen: Seen::of(&input), input };
-        assert!(source.check().is_ok());
-        file.write_all(b" and half").expect("a few bytes");
-        let grown = source.check().expect_err("another file").to_string();
-        assert!(
-            grown.ends_with("changed while it was at work (4 bytes, then 13 bytes); start again when it is complete")
-        );
-        file.close().expect("removed");
-        let gone = source.check().expect_err("no file").to_string();
-        assert!(gone.contains("(4 bytes, then gone)"), "{gone}");
-    }
 }

@@ -7,14 +7,11 @@
 //!
 //! Positions are those of the field itself, not of the lattice that it is rendered through.
 
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::files::{begin, cannot};
 use super::numpy::write_npy;
 use super::prelude::*;
 use super::values::PhotoMap;
@@ -42,10 +39,9 @@ impl Default for MapExportSettings {
 }
 
 impl MapExportSettings {
-    /// Source column and row of every pixel of the output, the grid, and the map for compositors.
-    pub fn files(&self) -> [Option<String>; 4] {
-        let file = |end: &str| Some(format!("{}{end}", self.path));
-        [file("_x.npy"), file("_y.npy"), file("_mesh.npy"), file(".exr").filter(|_| self.exr)]
+    /// The file whose name ends so.
+    fn file(&self, end: &str) -> PathBuf {
+        format!("{}{end}", self.path).into()
     }
 }
 
@@ -67,20 +63,22 @@ impl Stage for MapExportSettings {
     }
 
     fn writes(&self) -> Vec<String> {
-        self.files().into_iter().flatten().collect()
+        let ends = ["_x.npy", "_y.npy", "_mesh.npy"].into_iter().chain(self.exr.then_some(".exr"));
+        ends.map(|end| format!("{}{end}", self.path)).collect()
     }
 
     fn run(&self, (photo, map): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let (width, height) = map.warp.size;
         let [x, y] = positions(&map.warp);
-        let [to_x, to_y, to_mesh, to_exr] = self.files();
-        let shape = [height, width];
-        write(context, to_x.as_deref(), |file| write_npy(BufWriter::new(file), &shape, &x))?;
-        write(context, to_y.as_deref(), |file| write_npy(BufWriter::new(file), &shape, &y))?;
         let mesh = &map.warp.mesh;
-        write(context, to_mesh.as_deref(), |file| {
-            write_npy(BufWriter::new(file), &[mesh.rows + 1, mesh.cols + 1, 2], &vertices(mesh))
-        })?;
+        let (pixels, grid) = (vec![height, width], vec![mesh.rows + 1, mesh.cols + 1, 2]);
+        let arrays = [("_x.npy", &pixels, &x), ("_y.npy", &pixels, &y), ("_mesh.npy", &grid, &vertices(mesh))];
+        for (end, shape, values) in arrays {
+            context.fill_file(&self.file(end), |out| write_npy(out, shape, values))?;
+        }
+        if !self.exr {
+            return Ok((Written,));
+        }
         let normalized = |values: Vec<f32>, of: usize, up: bool| -> Vec<f32> {
             let one = |v: f32| {
                 let part = (f64::from(v) + 0.5) / of as f64;
@@ -90,28 +88,10 @@ impl Stage for MapExportSettings {
         };
         let source = (photo.frame.width, photo.frame.height);
         drop(photo);
-        write(context, to_exr.as_deref(), |file| {
-            let channels = [("R", normalized(x, source.0, false)), ("G", normalized(y, source.1, true))];
-            write_exr((width, height), channels, BufWriter::new(file))
-        })?;
+        let channels = [("R", normalized(x, source.0, false)), ("G", normalized(y, source.1, true))];
+        context.fill_file(&self.file(".exr"), |out| write_exr((width, height), channels, out))?;
         Ok((Written,))
     }
-}
-
-/// Writes one file and gives it its name.
-fn write(
-    context: &mut Context<'_, '_>,
-    path: Option<&str>,
-    body: impl FnOnce(File) -> std::io::Result<()>,
-) -> Result<(), RunError> {
-    let Some(path) = path.map(Path::new) else { return Ok(()) };
-    context.job.check_cancel()?;
-    let unfinished = begin(path)?;
-    let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
-    body(file).map_err(|e| cannot(path, &e))?;
-    unfinished.publish(path).map_err(|e| cannot(path, &e))?;
-    context.summary.outputs.push(path.to_owned());
-    Ok(())
 }
 
 /// Source column and row of every pixel of the output.

@@ -6,7 +6,7 @@ use serde_json::json;
 use super::mesh_morph::MorphSettings;
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
-use super::morphing::{morph_error, of_file, report_line, write_report};
+use super::morphing::{of_file, report_line, write_report};
 use super::prelude::*;
 use super::values::Posed;
 use plumbline_shape::morph::correspondence::CorrespondenceMethod;
@@ -72,12 +72,10 @@ impl Stage for BlendSettings {
         let in_paint = of_file(&self.paint);
         let paint = Paint::read(self.paint.as_ref()).map_err(&in_paint)?;
         let painted = paint.of_mesh(pair.model.mesh()).map_err(&in_paint)?;
-        let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere(), &context.job.run())
-            .map_err(morph_error)?;
+        let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere(), &context.job.run())?;
         // Shapes at fractions of these times.
         let options = TrajectoryOptions { iterations: self.iterations as usize, full_rotations: 0 };
-        let mut trajectory =
-            Trajectory::new(&pair.first, &pair.second, &options, &context.job.run()).map_err(morph_error)?;
+        let mut trajectory = Trajectory::new(&pair.first, &pair.second, &options, &context.job.run())?;
         let mut shapes = Shapes::new(&pair, self.report.is_some());
         for k in 1..=self.frames {
             context.job.check_cancel()?;

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::morphing::{morph_error, of_file, pose_of, report_line, write_report};
+use super::morphing::{of_file, pose_of, report_line, write_report};
 use super::prelude::*;
 use super::values::Posed;
 use plumbline_shape::mesh::{Model, RepairOptions, Repaired, repair};
@@ -61,7 +61,7 @@ impl Stage for ComposeSettings {
             .filter_map(|&(a, b)| base.vertex_of_source[a as usize].zip(part.vertex_of_source[b as usize]))
             .collect();
         // Cut, join, and report.
-        let composed = compose(&base.mesh, &part.mesh, &options, &context.job.run()).map_err(morph_error)?;
+        let composed = compose(&base.mesh, &part.mesh, &options, &context.job.run())?;
         let degrees = composed.crease.to_degrees();
         report_line(
             context,

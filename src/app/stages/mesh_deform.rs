@@ -7,8 +7,8 @@ use std::sync::Arc;
 use nalgebra::Point3;
 
 use super::mesh::handles::Bound;
+use super::mesh::report;
 use super::mesh::solvable::Solvable;
-use super::mesh::{report, surface_error};
 use super::prelude::*;
 use super::values::Posed;
 use plumbline_num::run::Run;
@@ -97,8 +97,7 @@ impl Stage for MeshDeformSettings {
             other => other,
         })?;
         bound.warnings.iter().for_each(|w| context.warn(w.clone()));
-        let deformer = Deformer::new(self.method, &solvable.mesh, &bound.set()?, &self.options, &context.job.run())
-            .map_err(surface_error)?;
+        let deformer = Deformer::new(self.method, &solvable.mesh, &bound.set()?, &self.options, &context.job.run())?;
         let mut solver = PoseSolver { bound: &bound, deformer, settings: self, at: None };
         let mut poses = Vec::with_capacity(self.frames as usize);
         let mut solved = Vec::with_capacity(self.frames as usize);
@@ -177,7 +176,7 @@ impl PoseSolver<'_, '_> {
             tolerance: self.settings.tolerance,
         };
         let start = if self.at.is_some() { InitialGuess::Last } else { self.settings.init };
-        let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence, run).map_err(surface_error)?;
+        let deformed = self.deformer.deform(&self.bound.pose(time), start, &convergence, run)?;
         self.at = Some(time);
         Ok(deformed)
     }

@@ -1,16 +1,12 @@
 //! `mesh.modes`: the softest deformations of a surface, and its near-rigid parts.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::Path;
 
 use nalgebra::Vector3;
 use serde_json::json;
 
-use super::files::{begin, cannot};
 use super::mesh::solvable::Solvable;
-use super::mesh::surface_error;
 use super::npz::{Array, write_npz};
 use super::prelude::*;
 use super::values::Posed;
@@ -62,8 +58,7 @@ impl Stage for MeshModesSettings {
         }
         let mesh = posed.model.mesh();
         let solvable = Solvable::new(mesh, &context.job.run())?;
-        let found =
-            modes(&solvable.mesh, self.count as usize, &self.options, &context.job.run()).map_err(surface_error)?;
+        let found = modes(&solvable.mesh, self.count as usize, &self.options, &context.job.run())?;
         context.job.check_cancel()?;
         let options = PartsOptions {
             count: self.part_count.map_or(PartsOptions::default().count, |n| PartCount::Exactly(n as usize)),
@@ -72,11 +67,7 @@ impl Stage for MeshModesSettings {
         let divided = divided.transpose()?;
         report_modes(context, &solvable, &found, divided.as_ref(), self);
         if let Some(path) = self.modes.as_deref().map(Path::new) {
-            let unfinished = begin(path)?;
-            let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
-            write_npz(BufWriter::new(file), &arrays(&found, &solvable)).map_err(|e| cannot(path, &e))?;
-            unfinished.publish(path).map_err(|e| cannot(path, &e))?;
-            context.summary.outputs.push(path.to_owned());
+            context.fill_file(path, |out| write_npz(out, &arrays(&found, &solvable)))?;
         }
         if let (Some(path), Some(divided)) = (self.parts.as_deref().map(Path::new), &divided) {
             context.write_file(path, format!("{}\n", parts_json(divided, &solvable)))?;

@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::morphing::pair::{Pair, quality_json};
 use super::morphing::shapes::Shapes;
-use super::morphing::{morph_error, report_line, write_report};
+use super::morphing::{report_line, write_report};
 use super::prelude::*;
 use super::values::Posed;
 use plumbline_shape::morph::correspondence::CorrespondenceMethod;
@@ -84,8 +84,7 @@ impl Stage for MorphSettings {
     fn run(&self, (first, second): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), self.over, self.refine)?;
         // The trajectory, from one factorization, sampled at even times.
-        let mut trajectory =
-            Trajectory::new(&pair.first, &pair.second, &self.options, &context.job.run()).map_err(morph_error)?;
+        let mut trajectory = Trajectory::new(&pair.first, &pair.second, &self.options, &context.job.run())?;
         let mut shapes = Shapes::new(&pair, self.report.is_some());
         for k in 0..self.frames {
             context.job.check_cancel()?;

@@ -1,6 +1,6 @@
 //! The contents of a file, for `plumbline probe` and for the memory estimates of a plan.
 
-use super::context::{media_error, open_input};
+use super::context::open_input;
 use crate::pipeline::job::Probed;
 use crate::pipeline::memory::ClipShape;
 use crate::pipeline::run_error::RunError;
@@ -8,8 +8,8 @@ use plumbline_media::{Input, ReadOptions, VideoReader};
 
 /// Looks into `input`.
 pub(crate) fn probe(input: &str) -> Result<Probed, RunError> {
-    let input = open_input(input).map_err(media_error)?;
-    let info = plumbline_media::probe(&input).map_err(media_error)?;
+    let input = open_input(input)?;
+    let info = plumbline_media::probe(&input)?;
     let shape = info.video.is_some().then(|| shape(&input)).transpose()?;
     let json = serde_json::to_value(&info).map_err(|e| RunError::Internal(format!("probe: {e}")))?;
     Ok(Probed { text: info.to_string(), json, shape })
@@ -17,7 +17,7 @@ pub(crate) fn probe(input: &str) -> Result<Probed, RunError> {
 
 /// What memory depends on, from the decoder itself.
 fn shape(input: &Input) -> Result<ClipShape, RunError> {
-    let reader = VideoReader::open(input, &ReadOptions::default()).map_err(media_error)?;
+    let reader = VideoReader::open(input, &ReadOptions::default())?;
     let info = reader.info();
     let samples = |i| {
         let (width, height) = info.format.plane_size(i, info.width, info.height);

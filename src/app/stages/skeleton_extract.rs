@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::files::{begin, cannot};
+use super::files::write_whole;
 use super::prelude::*;
 use super::values::Posed;
 use plumbline_num::document::read_text;
@@ -211,9 +211,7 @@ fn write_frame(path: &Path, step: &ContractionStep<'_>, run: &Run) -> Result<(),
     let internal = |e: plumbline_shape::mesh::MeshError| RunError::Internal(e.to_string());
     let model = Model::of_mesh(step.surface());
     let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default(), run).map_err(internal)?;
-    let unfinished = begin(path)?;
-    std::fs::write(unfinished.path(), bytes).map_err(|e| cannot(path, &e))?;
-    unfinished.publish(path).map_err(|e| cannot(path, &e))
+    write_whole(path, bytes)
 }
 
 /// The bytes of the file.

@@ -100,8 +100,7 @@ impl Stage for SkinTrainSettings {
         let options = options(&subject, &examples, self, &context.job.run())?;
         context.job.check_cancel()?;
         let (full, _) =
-            RegressionModel::train(mesh, skeleton, &subject.weights, &examples, &options, &context.job.run())
-                .map_err(refused)?;
+            RegressionModel::train(mesh, skeleton, &subject.weights, &examples, &options, &context.job.run())?;
         // Reduce the model where prototypes are asked for, then measure both kinds of examples.
         let linear = full.clone();
         let (mut model, file) = form(&subject, full, &examples, self.prototypes, &context.job.run())?;
@@ -181,16 +180,9 @@ fn form(
         return Ok((Trained::Full(Box::new(full)), file));
     };
     let samples: Vec<_> = examples.iter().map(|e| e.matrices.clone()).collect();
-    let reduced = full.reduced(&samples, most as usize, run).map_err(refused)?;
+    let reduced = full.reduced(&samples, most as usize, run)?;
     let file = SkinModel::of_reduced(mesh, skeleton, &reduced).map_err(internal)?;
     Ok((Trained::Reduced(Box::new(reduced)), file))
-}
-
-fn refused(error: CharacterError) -> RunError {
-    match error {
-        CharacterError::Interrupted(stopped) => stopped.into(),
-        error => RunError::Input(error.to_string()),
-    }
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
@@ -312,10 +304,10 @@ impl Poses {
             return Ok(Self(None));
         }
         let files = expand(&settings.poses, None, &["json"]).map_err(RunError::Input)?;
-        let bound = || Skin::bound(subject.weights.clone(), &subject.skeleton).map(Arc::new).map_err(refused);
+        let bound = || Skin::bound(subject.weights.clone(), &subject.skeleton).map(Arc::new);
         let skin = subject.own.clone().map_or_else(bound, Ok)?;
         let character = Character::new(subject.model.clone(), subject.skeleton.clone(), skin);
-        Ok(Self(Some((files, character.map_err(refused)?))))
+        Ok(Self(Some((files, character?))))
     }
 
     /// How space moves with each joint in the pose that a mesh shows.
@@ -327,7 +319,7 @@ impl Poses {
         run: &Run,
     ) -> Result<Vec<Matrix4<f64>>, RunError> {
         let Some((files, character)) = &self.0 else {
-            return fit_joints(subject.model.mesh(), &subject.skeleton, &subject.weights, positions).map_err(refused);
+            return Ok(fit_joints(subject.model.mesh(), &subject.skeleton, &subject.weights, positions)?);
         };
         let pose = files.iter().find(|pose| pose.file_stem() == file.file_stem());
         let pose = pose.ok_or_else(|| {
@@ -352,7 +344,7 @@ fn options(
 ) -> Result<RegressionOptions, RunError> {
     let found = match (settings.ridge, settings.hold) {
         (Some(ridge), Some(hold)) => RegressionOptions { ridge, hold },
-        _ => tuned(subject.model.mesh(), &subject.skeleton, &subject.weights, examples, run).map_err(refused)?,
+        _ => tuned(subject.model.mesh(), &subject.skeleton, &subject.weights, examples, run)?,
     };
     Ok(RegressionOptions { ridge: settings.ridge.unwrap_or(found.ridge), hold: settings.hold.unwrap_or(found.hold) })
 }
@@ -365,8 +357,8 @@ fn errors(model: &mut Trained, linear: &RegressionModel, named: Vec<Named>) -> R
             Trained::Full(model) => model.positions(matrices),
             Trained::Reduced(model) => model.positions(matrices),
         };
-        let blended = linear.linear_positions(matrices).map_err(refused)?;
-        let model = rms(&posed.map_err(refused)?, &example.positions);
+        let blended = linear.linear_positions(matrices)?;
+        let model = rms(&posed?, &example.positions);
         Ok(Errors { file, model, linear: rms(&blended, &example.positions) })
     };
     named.into_iter().map(of).collect()

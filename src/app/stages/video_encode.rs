@@ -1,7 +1,6 @@
 //! `video.encode`: writes a clip.
 
 use super::clip::encoding;
-use super::context::media_error;
 use super::prelude::*;
 use crate::pipeline::units::BitRate;
 use plumbline_media::{Codec, EncoderChoice, Output, check_encoder};
@@ -86,10 +85,10 @@ impl Stage for EncodeSettings {
 
     fn preflight(&self) -> Result<(), RunError> {
         let output = Output::parse(&self.path);
-        output.preflight().map_err(media_error)?;
+        output.preflight()?;
         if output.is_sequence() {
             return Ok(());
         }
-        check_encoder(self.codec, &self.encoder).map_err(media_error)
+        Ok(check_encoder(self.codec, &self.encoder)?)
     }
 }

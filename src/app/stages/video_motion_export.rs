@@ -1,9 +1,9 @@
 //! `video.motion_export`: writes motion, cameras and points for other programs and later runs.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use super::files::{begin, cannot, filled};
 use super::prelude::*;
 use plumbline_media::AtomicFile;
 use plumbline_video::motion::ClipMotion;
@@ -121,11 +121,7 @@ impl Written {
         path: &Path,
         write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>,
     ) -> Result<(), RunError> {
-        let unfinished = begin(path)?;
-        let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
-        let mut out = BufWriter::new(file);
-        write(&mut out).and_then(|()| Ok(out.flush()?)).map_err(|e| cannot(path, &e))?;
-        self.files.push((unfinished, path.to_owned()));
+        self.files.push((filled(path, |out| write(out))?, path.to_owned()));
         Ok(())
     }
 
@@ -161,13 +157,4 @@ impl Written {
         }
         Ok(self.outputs)
     }
-}
-
-/// Starts the unfinished file beside `path`; dropped, it is removed.
-fn begin(path: &Path) -> Result<AtomicFile, RunError> {
-    AtomicFile::next_to(path).map_err(|e| cannot(path, &e))
-}
-
-fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
-    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
 }

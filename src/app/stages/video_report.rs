@@ -7,18 +7,17 @@ mod in_plane;
 mod in_space;
 mod shown;
 
-use std::io::Write;
 use std::path::Path;
 
 use in_plane::{Windows, curves};
 use shown::Shown;
 
 use super::clip::encoding;
+use super::files::begin;
 use super::prelude::*;
-use crate::pipeline::summary::{self, SegmentSummary, ShakeSummary, Summary};
-use crate::report::{Change, Chart, Clip, Crop, Curve, Curves, Outcome, Report, ReportFormat, Segment, Shake};
+use crate::pipeline::summary::Summary;
+use crate::report::{Chart, Clip, Crop, Curve, Curves, Outcome, Report, ReportFormat};
 pub(super) use album::Album;
-use plumbline_media::AtomicFile;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
 use plumbline_video::stabilize::PathDeviations;
@@ -70,28 +69,13 @@ impl Stage for ReportSettings {
     }
 }
 
-/// Starts the unfinished page beside `path`; dropped, it is removed.
-pub(super) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
-    AtomicFile::next_to(path).map_err(|e| cannot(path, &e))
-}
-
 /// Writes the report.
 fn write_page(context: &mut Context<'_, '_>, stage: usize, settings: &ReportSettings) -> Result<(), RunError> {
     encoding::run(context, stage)?;
     context.job.check_cancel()?;
-    let path = Path::new(&settings.path);
     let format = ReportFormat::of(&settings.path).map_err(RunError::Usage)?;
     let text = gathered(context, stage)?.written(format);
-    let unfinished = begin(path)?;
-    let written = std::fs::File::options().write(true).open(unfinished.path());
-    written.and_then(|mut file| file.write_all(text.as_bytes())).map_err(|e| cannot(path, &e))?;
-    unfinished.publish(path).map_err(|e| cannot(path, &e))?;
-    context.summary.outputs.push(path.to_owned());
-    Ok(())
-}
-
-fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
-    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
+    context.write_file(Path::new(&settings.path), text)
 }
 
 /// The content of the report.
@@ -109,12 +93,12 @@ fn gathered(context: &Context<'_, '_>, stage: usize) -> Result<Report, RunError>
     Ok(Report {
         clip: clip(summary, motion),
         outcome: outcome(summary),
-        shake: summary.shake.map(change),
+        shake: summary.shake,
         crop: summary.crop.map(|mean| Crop { mean, least: summary.least_crop }),
         readout_s: summary.readout_s,
         times_s: times_s(motion),
         shots,
-        segments: summary.segments.iter().map(segment).collect(),
+        segments: summary.segments.clone(),
         path: plots(motion, path, &windows, shown),
         path_note: in_plane::NOTE.to_owned(),
         crop_over_time: Some(crop_chart(path)),
@@ -143,21 +127,6 @@ fn times_s(motion: &ClipMotion) -> Vec<f64> {
     let seconds: Vec<f64> = motion.frames.iter().map(|f| motion.timebase.seconds(f.pts)).collect();
     let first = seconds.first().copied().unwrap_or(0.0);
     seconds.into_iter().map(|s| s - first).collect()
-}
-
-fn segment(s: &SegmentSummary) -> Segment {
-    Segment {
-        frames: s.frames.start as usize..s.frames.end as usize,
-        mode: s.mode.clone(),
-        reason: s.reason.clone(),
-        crop: s.crop,
-        shake: s.shake.map(change),
-    }
-}
-
-fn change(ShakeSummary { before, after }: ShakeSummary) -> Change<Shake> {
-    let shake = |s: summary::Shake| Shake { px: s.px, deg: s.deg };
-    Change { before: shake(before), after: shake(after) }
 }
 
 /// Shake and the path in the picture.

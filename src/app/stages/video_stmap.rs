@@ -16,6 +16,7 @@ use rayon::prelude::*;
 
 use super::clip::chain::Chain;
 use super::clip::stream::for_each_frame;
+use super::files::cannot;
 use super::prelude::*;
 use plumbline_image::warp::Lattice;
 use plumbline_image::write_exr;
@@ -132,10 +133,6 @@ fn channels(lattice: &Lattice, source: (usize, usize)) -> (Vec<f32>, Vec<f32>) {
 /// Starts the folder whose files will go to `folder`.
 fn begin(folder: &Path) -> Result<AtomicFile, RunError> {
     AtomicFile::sequence_in(folder).map_err(|e| cannot(folder, &e))
-}
-
-fn cannot(path: &Path, why: &dyn std::fmt::Display) -> RunError {
-    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
 }
 
 #[cfg(test)]

@@ -6,18 +6,19 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use clap::{Args, ValueEnum};
 use serde_json::{Value as Json, json};
 
 use super::run_error::RunError;
 use crate::report::{ReportFormat, document};
+use crate::stages::files::{cannot, write_whole};
 use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
-use plumbline_media::AtomicFile;
 use plumbline_num::document::read_text;
 use plumbline_num::run::Run;
-pub use plumbline_num::sparse::Method;
 use plumbline_num::sparse::{
-    FactorStructure, GaussSeidel, GeneralMatrix, IncompleteCholesky, Ordering, Pattern, SparseBuilder, SparseError,
-    Stop, Updated, backward_error, conjugate_gradients, read_matrix_market, write_matrix_market,
+    FactorStructure, GaussSeidel, GeneralMatrix, IncompleteCholesky, Method as Factorization, Ordering, Pattern,
+    SparseBuilder, SparseError, Stop, Updated, backward_error, conjugate_gradients, read_matrix_market,
+    write_matrix_market,
 };
 
 /// Largest file that is read, bytes: a matrix of some ten million entries.
@@ -26,7 +27,7 @@ const MAX_FILE: u64 = 1 << 30;
 /// Most values of all right-hand sides together: a gibibyte.
 const MAX_SIDES: usize = 1 << 27;
 
-/// The orderings that are compared, by name.
+/// The orderings that are compared, by name, in the order of [`Order`].
 pub const ORDERINGS: [(&str, Ordering); 4] = [
     ("natural", Ordering::Natural),
     ("rcm", Ordering::ReverseCuthillMcKee),
@@ -34,37 +35,69 @@ pub const ORDERINGS: [(&str, Ordering); 4] = [
     ("nd", Ordering::GraphDissection),
 ];
 
+/// The order in which the unknowns of a symmetric matrix are eliminated.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Order {
+    /// As numbered in the file
+    Natural,
+    /// Reverse Cuthill-McKee: a narrow band
+    Rcm,
+    /// Approximate minimum degree
+    Amd,
+    /// Nested dissection of the graph
+    Nd,
+}
+
 /// How a system is solved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Approach {
-    /// By a factorization.
-    Direct(Method),
-    /// By conjugate gradients with incomplete Cholesky.
-    ConjugateGradients,
-    /// By Gauss–Seidel sweeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Method {
+    /// Cholesky, LDLt, LU or QR: the least expensive that the matrix allows
+    Auto,
+    /// LLt in blocks of columns
+    Cholesky,
+    /// LLt column by column
+    Simplicial,
+    /// LDLt for symmetric indefinite matrices
+    Ldlt,
+    /// LU with partial pivoting
+    Lu,
+    /// QR, for least squares
+    Qr,
+    /// Conjugate gradients with incomplete Cholesky
+    Cg,
+    /// Gauss-Seidel sweeps: for matrices with a dominant diagonal
     GaussSeidel,
 }
 
 /// What to solve, how, and what to write.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct SolveJob {
-    /// The matrix, Matrix Market.
+    /// The matrix, Matrix Market
+    #[arg(value_name = "A.mtx")]
     pub matrix: PathBuf,
-    /// Right-hand sides, Matrix Market; without, those whose solution is 1 throughout.
+    /// Right-hand sides, Matrix Market; without them, those whose solution is 1 throughout
+    #[arg(value_name = "B.mtx")]
     pub rhs: Option<PathBuf>,
-    /// Index into [`ORDERINGS`].
-    pub ordering: usize,
-    /// How.
-    pub approach: Approach,
-    /// Rows `U`, Matrix Market: `UᵀU` is added to the matrix.
+    /// Elimination order of a symmetric matrix
+    #[arg(long, value_enum, default_value = "amd")]
+    pub ordering: Order,
+    /// Solver
+    #[arg(long, value_enum, default_value = "auto")]
+    pub method: Method,
+    /// Add UᵀU to a positive definite matrix, by low-rank updates of its factor
+    #[arg(long, value_name = "U.mtx", conflicts_with = "method")]
     pub update: Option<PathBuf>,
-    /// Rows `U`, Matrix Market: `UᵀU` is subtracted from the matrix.
+    /// Subtract UᵀU from a positive definite matrix, by low-rank downdates of its factor
+    #[arg(long, value_name = "U.mtx", conflicts_with = "method")]
     pub downdate: Option<PathBuf>,
-    /// Where the solution goes.
+    /// Write the solution, Matrix Market
+    #[arg(short, long, value_name = "X.mtx")]
     pub output: Option<PathBuf>,
-    /// Where the report goes: .html or .json.
+    /// Write a report: fill, operations, residual and condition
+    #[arg(long, value_name = "FILE.html|FILE.json")]
     pub report: Option<PathBuf>,
-    /// Where the picture of the factors goes, PNG.
+    /// Draw matrix and factor in all four orders, side by side
+    #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
 }
 
@@ -95,11 +128,10 @@ pub fn solve(job: &SolveJob) -> Result<String, RunError> {
     let seconds = began.elapsed().as_secs_f64();
     let report = report(job, &a, &b, given, &structures, &solved, seconds);
     if let Some(path) = &job.output {
-        write(path, |out| out.write_all(write_matrix_market(a.columns(), &solved.x).as_bytes()))?;
+        write_whole(path, write_matrix_market(a.columns(), &solved.x))?;
     }
     if let Some((path, format)) = job.report.as_ref().zip(format) {
-        let text = document(&job.matrix.display().to_string(), &report, format);
-        write(path, |out| out.write_all(text.as_bytes()))?;
+        write_whole(path, document(&job.matrix.display().to_string(), &report, format))?;
     }
     if let Some(path) = &job.picture {
         draw(path, &structures)?;
@@ -204,7 +236,7 @@ fn changed(a: &GeneralMatrix, changes: &[Change], job: &SolveJob) -> Result<Gene
 /// Factors the matrix as it is in the file and takes the changes in by low-rank updates.
 fn updated(job: &SolveJob, a: &GeneralMatrix, changes: &[Change], b: &[f64]) -> Result<Solved, SparseError> {
     let run = Run::default();
-    let mut system = Updated::new(a.symmetric()?, ORDERINGS[job.ordering].1.clone(), &run)?;
+    let mut system = Updated::new(a.symmetric()?, ORDERINGS[job.ordering as usize].1.clone(), &run)?;
     for (row, sign) in changes {
         system.add(row, *sign, &run)?;
     }
@@ -214,9 +246,17 @@ fn updated(job: &SolveJob, a: &GeneralMatrix, changes: &[Change], b: &[f64]) -> 
 }
 
 fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
-    let ordering = &ORDERINGS[job.ordering].1;
+    let ordering = &ORDERINGS[job.ordering as usize].1;
     let (m, n) = (a.rows(), a.columns());
-    let Approach::Direct(method) = job.approach else { return iterated(job.approach, a, b) };
+    let method = match job.method {
+        Method::Auto => Factorization::Auto,
+        Method::Cholesky => Factorization::Cholesky,
+        Method::Simplicial => Factorization::SimplicialCholesky,
+        Method::Ldlt => Factorization::Ldlt,
+        Method::Lu => Factorization::Lu,
+        Method::Qr => Factorization::Qr,
+        Method::Cg | Method::GaussSeidel => return iterated(job.method, a, b),
+    };
     let mut factor = a.factor(method, ordering, &Run::default())?;
     let mut x = factor.solve(b)?;
     let mut steps = 0;
@@ -226,22 +266,22 @@ fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, Sparse
         }
     }
     let name = match factor.method() {
-        Method::Auto | Method::Cholesky => "cholesky",
-        Method::SimplicialCholesky => "simplicial",
-        Method::Ldlt => "ldlt",
-        Method::Lu => "lu",
-        Method::Qr => "qr",
+        Factorization::Auto | Factorization::Cholesky => "cholesky",
+        Factorization::SimplicialCholesky => "simplicial",
+        Factorization::Ldlt => "ldlt",
+        Factorization::Lu => "lu",
+        Factorization::Qr => "qr",
     };
     Ok(Solved { x, method: name, condition: factor.condition(a), steps })
 }
 
-fn iterated(approach: Approach, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
+fn iterated(method: Method, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
     let a = a.symmetric()?;
     let (stop, run) = (Stop::default(), Run::default());
     let mut x = vec![0.0; b.len()];
     let mut steps = 0;
     let columns = b.chunks(a.n().max(1)).zip(x.chunks_mut(a.n().max(1)));
-    let method = if approach == Approach::GaussSeidel {
+    let method = if method == Method::GaussSeidel {
         let relaxation = GaussSeidel::new(&a)?;
         for (b, x) in columns {
             steps = steps.max(relaxation.solve(b, x, &stop, &run)?.iterations);
@@ -274,7 +314,7 @@ fn report(
     let judged: Vec<Json> = columns.map(|(b, x)| judge(a, b, x, given)).collect();
     json!({
         "matrix": {"rows": a.rows(), "columns": a.columns(), "entries": a.nnz(), "symmetric": !structures.is_empty()},
-        "ordering": ORDERINGS[job.ordering].0,
+        "ordering": ORDERINGS[job.ordering as usize].0,
         "method": solved.method,
         "orderings": orderings,
         "condition": solved.condition,
@@ -331,20 +371,10 @@ fn words(report: &Json) -> String {
 
 fn draw(path: &Path, structures: &Structures<'_>) -> Result<(), RunError> {
     let canvas = picture::draw(structures);
-    let cannot = |e| RunError::Output(format!("{}: cannot be written: {e}", path.display()));
-    let frame = frame_of_rgb(canvas.as_bytes(), canvas.width(), canvas.height()).map_err(cannot)?;
+    let frame = frame_of_rgb(canvas.as_bytes(), canvas.width(), canvas.height()).map_err(|e| cannot(path, &e))?;
     let tags = ExifTags::default();
     let photo = Photo { frame, exif: None, tags, icc: None, format: None, warnings: Vec::new() };
     let mut bytes = std::io::Cursor::new(Vec::new());
-    encode(&photo, StillFormat::Png, SaveOptions::default(), &mut bytes).map_err(cannot)?;
-    write(path, |out| out.write_all(bytes.get_ref()))
-}
-
-/// Writes under a temporary name, then gives the file its own.
-fn write(path: &Path, fill: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> Result<(), RunError> {
-    let cannot = |e: std::io::Error| RunError::Output(format!("{}: cannot be written: {e}", path.display()));
-    let unfinished = AtomicFile::next_to(path).map_err(cannot)?;
-    let mut file = std::fs::File::options().write(true).open(unfinished.path()).map_err(cannot)?;
-    fill(&mut file).map_err(cannot)?;
-    unfinished.publish(path).map_err(cannot)
+    encode(&photo, StillFormat::Png, SaveOptions::default(), &mut bytes).map_err(|e| cannot(path, &e))?;
+    write_whole(path, bytes.get_ref())
 }

@@ -19,7 +19,7 @@ use super::stream::{QUEUE, decode};
 use super::summary::{report_file, report_plan};
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
-use crate::stages::context::{Context, media_error};
+use crate::stages::context::Context;
 use crate::stages::video_report::Album;
 use crate::stages::{Border, EncodeSettings, RenderSettings, ReportSettings};
 use plumbline_image::Frame;
@@ -165,7 +165,7 @@ impl Stream<'_, '_> {
             let worked = work(job, sampler, decoded, &branches, album);
             drop(branches);
             let failed = |name: &str| RunError::Internal(format!("the {name}'s thread failed"));
-            let read = decoder.join().map_err(|_| failed("decoder"))?.map_err(media_error)?;
+            let read = decoder.join().map_err(|_| failed("decoder"))??;
             let encoded = encoders.into_iter().map(|e| e.join().map_err(|_| failed("encoder"))?);
             let sinks = encoded.collect::<Result<Vec<Sink>, RunError>>()?;
             worked?;

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use super::sampling::Sampled;
 use crate::pipeline::run_error::RunError;
 use crate::stages::RenderSettings;
-use crate::stages::context::media_error;
 use plumbline_image::Frame;
 use plumbline_image::render::{FillOptions, Filler, Renderer};
 use plumbline_image::warp::{Lattice, Map, WarpField};
@@ -49,7 +48,7 @@ impl<'v> Filling<'v> {
         let lost = || RunError::Internal(format!("frame {index} has no map"));
         let lattice = self.waiting.pop_front().ok_or_else(lost)?;
         let internal = |e: plumbline_image::render::RenderError| RunError::Internal(e.to_string());
-        let mut result = pool.get().map_err(media_error)?;
+        let mut result = pool.get()?;
         renderer.render(&frame, &lattice, &mut result).map_err(internal)?;
         let neighbor = |n| neighbor_from_this(self.motion, index, n);
         self.filler.fill(renderer, &lattice, &mut result, neighbor, &Run::default()).map_err(internal)?;

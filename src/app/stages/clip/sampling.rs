@@ -9,7 +9,7 @@ use super::filling::Filling;
 use super::stream::{QUEUE, hand_on};
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
-use crate::stages::context::{Context, media_error};
+use crate::stages::context::Context;
 use crate::stages::{Border, Interpolation, RenderSettings, WarpSettings};
 use plumbline_image::Frame;
 use plumbline_image::render::{self, RenderOptions, Renderer};
@@ -77,7 +77,7 @@ impl<'v> Sampler<'v> {
             maps: chain.maps(models, video)?,
             drawer: Drawer {
                 renderer: Renderer::new(options(settings)),
-                pool: FramePool::new(&chain.shown(video)).map_err(media_error)?,
+                pool: FramePool::new(&chain.shown(video))?,
                 averages: chain.shrinks(),
             },
             filling: (settings.border == Border::Fill).then(|| filling(chain, settings)).transpose()?,
@@ -153,7 +153,7 @@ struct Drawer {
 
 impl Drawer {
     fn draw(&self, frame: &Frame, lattice: &Lattice) -> Result<Frame, RunError> {
-        let mut result = self.pool.get().map_err(media_error)?;
+        let mut result = self.pool.get()?;
         let drawn = if self.averages {
             self.renderer.render_averaged(frame, lattice, &mut result, &Run::default())
         } else {

@@ -8,7 +8,6 @@ use super::stream::hand_on;
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
 use crate::stages::EncodeSettings;
-use crate::stages::context::media_error;
 use plumbline_image::Frame;
 use plumbline_media::{
     FramePool, Input, Output, PassthroughStreams, VideoInfo, VideoWriter, WriteOptions, WriteReport,
@@ -45,7 +44,7 @@ impl Sink {
         let beside = beside.then(|| SideBySide::of(video));
         let video = beside.map_or_else(|| video.clone(), |b| b.video(video));
         let options = WriteOptions { passthrough, ..write_options(settings, job) };
-        let writer = VideoWriter::create(&output, source, &video, &options).map_err(media_error)?;
+        let writer = VideoWriter::create(&output, source, &video, &options)?;
         Ok(Self { output, size: (video.width, video.height), beside, writer })
     }
 
@@ -58,14 +57,14 @@ impl Sink {
     pub(crate) fn encode(mut self, job: &Job<'_>, frames: &Receiver<Frame>) -> Result<Self, RunError> {
         for frame in frames {
             job.check_cancel()?;
-            self.writer.write(frame).map_err(media_error)?;
+            self.writer.write(frame)?;
         }
         Ok(self)
     }
 
     /// Finishes the file and gives it its name.
     pub(crate) fn finish(self) -> Result<(Output, (usize, usize), WriteReport), RunError> {
-        Ok((self.output, self.size, self.writer.finish().map_err(media_error)?))
+        Ok((self.output, self.size, self.writer.finish()?))
     }
 }
 
@@ -77,7 +76,7 @@ impl Branch {
 
     /// A picture for this sink, which leaves `sampled` to the others.
     fn picture(&self, sampled: &Sampled) -> Result<Frame, RunError> {
-        let mut picture = self.pool.get().map_err(media_error)?;
+        let mut picture = self.pool.get()?;
         let result = &sampled.result;
         let made = if let Some(beside) = self.beside {
             beside.join(sampled.original(), result, &mut picture)

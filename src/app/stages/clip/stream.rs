@@ -4,7 +4,6 @@ use crossbeam::channel::{self, Receiver, Sender};
 
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
-use crate::stages::context::media_error;
 use plumbline_image::Frame;
 use plumbline_media::{MediaError, ReadReport, VideoReader};
 
@@ -34,7 +33,7 @@ pub(crate) fn for_each_frame(
         drop(frames);
         let report = decoder.join().map_err(|_| RunError::Internal("the decoder's thread failed".to_owned()))?;
         worked?;
-        report.map_err(media_error)
+        Ok(report?)
     })
 }
 

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::pipeline::summary::{SegmentSummary, Summary};
+use crate::pipeline::summary::Summary;
+use crate::report::Segment;
 use plumbline_media::{Output, WriteReport};
 use plumbline_video::motion::ShotCameras;
 use plumbline_video::stabilize::{PlanSegment, PlanSummary, model_name, verdict_name};
@@ -24,8 +25,8 @@ pub(crate) fn report_file(summary: &mut Summary, output: &Output, size: (usize, 
 
 /// Reports the path and the models that a render stage followed.
 pub(crate) fn report_plan(summary: &mut Summary, plan: PlanSummary) {
-    let segment = |s: PlanSegment| SegmentSummary {
-        frames: s.frames.start as u64..s.frames.end as u64,
+    let segment = |s: PlanSegment| Segment {
+        frames: s.frames,
         mode: model_name(s.model).to_owned(),
         reason: s.reason,
         crop: s.crop,
@@ -38,10 +39,9 @@ pub(crate) fn report_plan(summary: &mut Summary, plan: PlanSummary) {
 }
 
 /// The cameras of a shot.
-pub(crate) fn shot_segment(shot: &ShotCameras) -> SegmentSummary {
-    let frames = shot.frames.start as u64..shot.frames.end as u64;
-    SegmentSummary {
-        frames,
+pub(crate) fn shot_segment(shot: &ShotCameras) -> Segment {
+    Segment {
+        frames: shot.frames.clone(),
         mode: verdict_name(shot.verdict).to_owned(),
         reason: shot.reason.clone(),
         crop: None,

@@ -10,7 +10,6 @@ use std::path::Path;
 
 use crate::pipeline::run_error::RunError;
 use plumbline_shape::mesh::MeshError;
-use plumbline_shape::surface::SurfaceError;
 
 /// An error of a mesh file in the terms of a run.
 pub(crate) fn mesh_error(path: &Path, error: &MeshError) -> RunError {
@@ -22,15 +21,4 @@ pub(crate) fn mesh_error(path: &Path, error: &MeshError) -> RunError {
         _ => format!("{}: {error}", path.display()),
     };
     if error.is_output() { RunError::Output(text) } else { RunError::Input(text) }
-}
-
-/// An error of a method in the terms of a run.
-#[expect(clippy::needless_pass_by_value, reason = "the signature that map_err wants")]
-pub(crate) fn surface_error(error: SurfaceError) -> RunError {
-    match error {
-        SurfaceError::Interrupted(stopped) => stopped.into(),
-        SurfaceError::Option { .. } | SurfaceError::Convergence(_) => RunError::Usage(error.to_string()),
-        SurfaceError::Pose { .. } | SurfaceError::PerVertex { .. } => RunError::Internal(error.to_string()),
-        _ => RunError::Input(error.to_string()),
-    }
 }

@@ -17,14 +17,6 @@ pub(crate) fn pose_of(posed: &Posed) -> Result<TriMesh, RunError> {
     moved.map_err(|e| RunError::Internal(e.to_string()))
 }
 
-/// An error of a method in the terms of a run.
-pub(crate) fn morph_error(error: MorphError) -> RunError {
-    match error {
-        MorphError::Interrupted(stopped) => stopped.into(),
-        error => RunError::Input(error.to_string()),
-    }
-}
-
 /// The same, of a file.
 pub(crate) fn of_file(path: &str) -> impl Fn(MorphError) -> RunError + use<'_> {
     move |error| RunError::Input(format!("{path}: {error}"))

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Point3;
 use serde_json::{Value as Json, json};
 
-use super::{morph_error, of_file, pose_of, report_line};
+use super::{of_file, pose_of, report_line};
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh::solvable::Solvable;
@@ -46,7 +46,7 @@ impl Pair {
         let [a, b] = [pose_of(&first)?, pose_of(&second)?];
         for (which, mesh) in [("first", &a), ("second", &b)] {
             if !(mesh.area() > 0.0) {
-                return Err(morph_error(MorphError::Empty { which }));
+                return Err(MorphError::Empty { which }.into());
             }
         }
         let solvable = Solvable::new(&a, &context.job.run())?;
@@ -63,7 +63,7 @@ impl Pair {
     }
 
     fn same(model: Arc<Model>, a: &TriMesh, b: &TriMesh, solvable: Solvable) -> Result<Self, RunError> {
-        same_connectivity(a, b).map_err(morph_error)?;
+        same_connectivity(a, b)?;
         let there = solvable.source_of_vertex.iter().map(|v| b.positions()[*v as usize]).collect();
         let second = solvable.mesh.with_positions(there).map_err(|e| RunError::Internal(e.to_string()))?;
         let ends = Some([a.positions().to_vec(), b.positions().to_vec()]);
@@ -83,15 +83,14 @@ impl Pair {
         // Vertices that repair joined are one landmark.
         let mut seen = std::collections::BTreeSet::new();
         pairs.retain(|p| seen.insert(p.0));
-        let laid = correspond(&solvable.mesh, b, &pairs, &over.into(), &context.job.run()).map_err(morph_error)?;
+        let laid = correspond(&solvable.mesh, b, &pairs, &over.into(), &context.job.run())?;
         let (mut first, mut second, mut quality) = (solvable.mesh.clone(), laid.mapped, laid.quality);
         context.job.check_cancel()?;
         if let Some(tolerance) = tolerance {
-            let refined =
-                refine(&first, &second, b, tolerance, MAX_REFINEMENTS, &context.job.run()).map_err(morph_error)?;
+            let refined = refine(&first, &second, b, tolerance, MAX_REFINEMENTS, &context.job.run())?;
             report_line(context, format!("{} vertices added where features would be lost", refined.added));
             (first, second) = (refined.first, refined.mapped);
-            quality = measure(&first, &second, b, &pairs, &context.job.run()).map_err(morph_error)?;
+            quality = measure(&first, &second, b, &pairs, &context.job.run())?;
         }
         report_line(context, quality_line(&quality, pairs.len()));
         if let Some(fault) = faults(&quality, first.triangle_count(), over) {

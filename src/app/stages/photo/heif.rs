@@ -5,7 +5,6 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 
 use crate::pipeline::run_error::RunError;
-use crate::stages::context::media_error;
 use plumbline_image::rgb_frame;
 use plumbline_image::still::{ExifOrientation, ExifTags, LoadOptions, Photo, exif_of_container, oriented};
 use plumbline_media::{Input, ReadOptions, VideoReader};
@@ -21,9 +20,9 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
         return Err(bad(&format!("a HEIC picture in tiles, which are not joined here; {help}")));
     }
     // The size is checked before a pixel is decoded.
-    let input = Input::parse(&path.to_string_lossy()).map_err(media_error)?;
+    let input = Input::parse(&path.to_string_lossy())?;
     let read = ReadOptions { threads, ..ReadOptions::default() };
-    let mut reader = VideoReader::open(&input, &read).map_err(media_error)?;
+    let mut reader = VideoReader::open(&input, &read)?;
     let info = reader.info();
     let (width, height) = (info.width as u64, info.height as u64);
     if width * height > options.max_pixels {
@@ -35,7 +34,7 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
     // The picture, upright.
     let quarters = (info.rotation_deg / 90.0).round().rem_euclid(4.0) as u32;
     let turn = ExifOrientation::of_display(quarters, info.mirrored);
-    let frame = reader.next_frame().map_err(media_error)?.ok_or_else(|| bad("no picture in it"))?;
+    let frame = reader.next_frame()?.ok_or_else(|| bad("no picture in it"))?;
     let frame = rgb_frame(&frame).and_then(|f| oriented(&f, turn));
     let frame = frame.ok_or_else(|| bad("its pixels are of a kind that is not read here"))?;
     // Its metadata, and what is lost.
@@ -43,7 +42,7 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
     let read = file.and_then(|f| exif_of_container(BufReader::new(f), frame.width, frame.height));
     let (exif, tags) = read.map_or((None, ExifTags::default()), |(exif, tags)| (Some(exif), tags));
     let mut warnings = Vec::new();
-    if reader.next_frame().map_err(media_error)?.is_some() {
+    if reader.next_frame()?.is_some() {
         warnings.push("more than one picture in it; the first was taken".to_owned());
     }
     warnings.push("a color profile inside HEIF is not read; colors are taken as sRGB".to_owned());
