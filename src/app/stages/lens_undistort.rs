@@ -74,7 +74,24 @@ impl Stage for LensUndistortSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        undistort(context, stage, self).map(|()| HandedOn)
+        let decode = context.required(stage, "frames")?.from;
+        let (input, reader) = context.open(decode)?;
+        let video = reader.info().clone();
+        drop(reader);
+        let found =
+            clip_lens(&self.lens, self.fov, self.fov_axis, (video.width, video.height), || focal_px_of(&input))?;
+        found.warnings.into_iter().for_each(|w| context.warn(w));
+        let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], saliency: None };
+        let mut options = options(self, &video);
+        let mut warp = rectify(&input, &options, &context.job.run())?;
+        let wanted = self.size.map_or(warp.size, |size| size.pixels(warp.size));
+        let even = even_size((wanted.0 as f64, wanted.1 as f64), &video);
+        if even != warp.size {
+            options.size = OutputSize::Exact(even.0, even.1);
+            warp = rectify(&input, &options, &context.job.run())?;
+        }
+        context.values.put(stage, "warp", Undistorted::new(warp, (video.width, video.height)));
+        Ok(HandedOn)
     }
 }
 
@@ -84,29 +101,6 @@ pub(super) struct Undistorted {
     warp: Arc<PhotoWarp>,
     /// Size of the clip's own pictures, px.
     pub(super) source: (usize, usize),
-}
-
-/// Finds the map.
-fn undistort(context: &mut Context<'_, '_>, stage: usize, settings: &LensUndistortSettings) -> Result<(), RunError> {
-    let decode = context.required(stage, "frames")?.from;
-    let (input, reader) = context.open(decode)?;
-    let video = reader.info().clone();
-    drop(reader);
-    let found = clip_lens(&settings.lens, settings.fov, settings.fov_axis, (video.width, video.height), || {
-        focal_px_of(&input)
-    })?;
-    found.warnings.into_iter().for_each(|w| context.warn(w));
-    let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], saliency: None };
-    let mut options = options(settings, &video);
-    let mut warp = rectify(&input, &options, &context.job.run())?;
-    let wanted = settings.size.map_or(warp.size, |size| size.pixels(warp.size));
-    let even = even_size((wanted.0 as f64, wanted.1 as f64), &video);
-    if even != warp.size {
-        options.size = OutputSize::Exact(even.0, even.1);
-        warp = rectify(&input, &options, &context.job.run())?;
-    }
-    context.values.put(stage, "warp", Undistorted::new(warp, (video.width, video.height)));
-    Ok(())
 }
 
 /// What the settings ask for; if they do not say, the clip's own shape and size.

@@ -61,7 +61,26 @@ impl Stage for VideoImportanceSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        estimate(context, stage).map(|()| HandedOn)
+        let decode = context.required(stage, "frames")?.from;
+        let tracks = |s: &usize| {
+            context.stage(*s).settings.get::<TrackSettings>().is_some()
+                && context.edge(*s, "frames").is_some_and(|e| e.from == decode)
+        };
+        if context.pass.stages.iter().any(tracks) {
+            return Ok(HandedOn);
+        }
+        let (_, reader) = context.open(decode)?;
+        let video = reader.info().clone();
+        let mut estimators = importance_estimators(context, decode, &video)?;
+        estimators.retain(|e| e.stage == stage);
+        context.job.progress.begin(context.pass.index, "judge", video.frames_estimate);
+        let report =
+            for_each_frame(context.job, reader, |frame| estimators.iter_mut().try_for_each(|e| e.push(&frame, false)))?;
+        context.report_damage(&report);
+        for estimator in estimators {
+            estimator.finish(context);
+        }
+        Ok(HandedOn)
     }
 }
 
@@ -157,28 +176,4 @@ pub(super) fn importance_estimators(
         }
     }
     Ok(found)
-}
-
-/// Estimates a clip that no stage of this pass tracks; where one does, the estimators take its frames.
-fn estimate(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
-    let decode = context.required(stage, "frames")?.from;
-    let tracks = |s: &usize| {
-        context.stage(*s).settings.get::<TrackSettings>().is_some()
-            && context.edge(*s, "frames").is_some_and(|e| e.from == decode)
-    };
-    if context.pass.stages.iter().any(tracks) {
-        return Ok(());
-    }
-    let (_, reader) = context.open(decode)?;
-    let video = reader.info().clone();
-    let mut estimators = importance_estimators(context, decode, &video)?;
-    estimators.retain(|e| e.stage == stage);
-    context.job.progress.begin(context.pass.index, "judge", video.frames_estimate);
-    let report =
-        for_each_frame(context.job, reader, |frame| estimators.iter_mut().try_for_each(|e| e.push(&frame, false)))?;
-    context.report_damage(&report);
-    for estimator in estimators {
-        estimator.finish(context);
-    }
-    Ok(())
 }

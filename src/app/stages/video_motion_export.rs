@@ -55,46 +55,36 @@ impl Stage for MotionExportSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        export(context, stage, self).map(|()| HandedOn)
+        let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
+        let tracks: &Tracks = context.values.get(context.required(stage, "tracks")?)?;
+        let mut written = Written::default();
+        if let Some(path) = &self.path {
+            written.file(Path::new(path), |out| Ok(motion.write_json_with_tracks(out, &tracks.store)?))?;
+        }
+        if let Some(folder) = &self.colmap {
+            written.models(Path::new(folder), motion, tracks)?;
+        }
+        if let Some(path) = &self.gltf {
+            let path = Path::new(path);
+            written.file(path, |out| Ok(write_gltf(motion, Container::of(path), out)?))?;
+        }
+        if let Some(path) = &self.csv {
+            written.file(Path::new(path), |out| Ok(write_csv(motion, out)?))?;
+        }
+        let warnings = std::mem::take(&mut written.warnings);
+        let outputs = written.publish()?;
+        context.summary.outputs.extend(outputs);
+        for warning in warnings {
+            context.warn(warning);
+        }
+        Ok(HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        preflight(self)
+        let files = [&self.path, &self.gltf, &self.csv].into_iter().flatten().map(PathBuf::from);
+        let files = files.chain(self.colmap.iter().map(|folder| Path::new(folder).join(colmap::FILES[0].0)));
+        files.into_iter().try_for_each(|path| begin(&path).map(drop))
     }
-}
-
-/// Refuses files that cannot be written.
-fn preflight(settings: &MotionExportSettings) -> Result<(), RunError> {
-    let files = [&settings.path, &settings.gltf, &settings.csv].into_iter().flatten().map(PathBuf::from);
-    let files = files.chain(settings.colmap.iter().map(|folder| Path::new(folder).join(colmap::FILES[0].0)));
-    files.into_iter().try_for_each(|path| begin(&path).map(drop))
-}
-
-/// Writes what the settings ask for.
-fn export(context: &mut Context<'_, '_>, stage: usize, settings: &MotionExportSettings) -> Result<(), RunError> {
-    let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
-    let tracks: &Tracks = context.values.get(context.required(stage, "tracks")?)?;
-    let mut written = Written::default();
-    if let Some(path) = &settings.path {
-        written.file(Path::new(path), |out| Ok(motion.write_json_with_tracks(out, &tracks.store)?))?;
-    }
-    if let Some(folder) = &settings.colmap {
-        written.models(Path::new(folder), motion, tracks)?;
-    }
-    if let Some(path) = &settings.gltf {
-        let path = Path::new(path);
-        written.file(path, |out| Ok(write_gltf(motion, Container::of(path), out)?))?;
-    }
-    if let Some(path) = &settings.csv {
-        written.file(Path::new(path), |out| Ok(write_csv(motion, out)?))?;
-    }
-    let warnings = std::mem::take(&mut written.warnings);
-    let outputs = written.publish()?;
-    context.summary.outputs.extend(outputs);
-    for warning in warnings {
-        context.warn(warning);
-    }
-    Ok(())
 }
 
 type Fault = Box<dyn std::error::Error>;

@@ -58,21 +58,16 @@ impl Stage for MotionImportSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        import(context, stage, self).map(|()| HandedOn)
+        let decode = context.required(stage, "frames")?.from;
+        let path = Path::new(&self.path);
+        let focal_px = if self.cameras { focal_px_of(&context.input(decode)?) } else { None };
+        let (motion, tracks) =
+            if path.is_dir() { from_models(context, decode, path)? } else { from_motion_file(context, decode, path)? };
+        let settings = MotionSettings { rolling_shutter: self.rolling_shutter, cameras: self.cameras };
+        hand_on_motion(context, stage, motion, &tracks, &settings, focal_px)?;
+        context.values.put(stage, "tracks", tracks);
+        Ok(HandedOn)
     }
-}
-
-/// Reads the file.
-fn import(context: &mut Context<'_, '_>, stage: usize, settings: &MotionImportSettings) -> Result<(), RunError> {
-    let decode = context.required(stage, "frames")?.from;
-    let path = Path::new(&settings.path);
-    let focal_px = if settings.cameras { focal_px_of(&context.input(decode)?) } else { None };
-    let (motion, tracks) =
-        if path.is_dir() { from_models(context, decode, path)? } else { from_motion_file(context, decode, path)? };
-    let settings = MotionSettings { rolling_shutter: settings.rolling_shutter, cameras: settings.cameras };
-    hand_on_motion(context, stage, motion, &tracks, &settings, focal_px)?;
-    context.values.put(stage, "tracks", tracks);
-    Ok(())
 }
 
 fn from_motion_file(

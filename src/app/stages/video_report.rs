@@ -61,21 +61,17 @@ impl Stage for ReportSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        write_page(context, stage, self).map(|()| HandedOn)
+        encoding::run(context, stage)?;
+        context.job.check_cancel()?;
+        let format = ReportFormat::of(&self.path).map_err(RunError::Usage)?;
+        let text = gathered(context, stage)?.written(format);
+        context.write_file(Path::new(&self.path), text)?;
+        Ok(HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
         begin(Path::new(&self.path)).map(drop)
     }
-}
-
-/// Writes the report.
-fn write_page(context: &mut Context<'_, '_>, stage: usize, settings: &ReportSettings) -> Result<(), RunError> {
-    encoding::run(context, stage)?;
-    context.job.check_cancel()?;
-    let format = ReportFormat::of(&settings.path).map_err(RunError::Usage)?;
-    let text = gathered(context, stage)?.written(format);
-    context.write_file(Path::new(&settings.path), text)
 }
 
 /// The content of the report.

@@ -51,32 +51,28 @@ impl Stage for VideoRetargetSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        retarget(context, stage, self).map(|()| HandedOn)
+        let estimated: &EstimatedImportance = context.values.get(context.required(stage, "importance")?)?;
+        let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
+        let path: Option<&VirtualPath> =
+            context.edge(stage, "path").map(|edge| context.values.get(edge)).transpose()?;
+        let lens = lens_behind(context.job.graph(), stage).and_then(|at| context.values.at::<Undistorted>(at, "warp"));
+        let size = (motion.width as usize, motion.height as usize);
+        let judged = lens.map(|lens| (lens as &dyn PointMap, lens.source));
+        let times_s: Vec<f64> = motion.frames.iter().map(|f| motion.timebase.seconds(f.pts)).collect();
+        let steps: Vec<Similarity2> = motion.frames.iter().map(|f| f.similarity).collect();
+        let shown: &[Homography] = path.map_or(&[], |p| &p.out_from_src);
+        let clip =
+            ClipData { size, times_s: &times_s, shots: &motion.shots, motion: &steps, shown_from_src: shown, judged };
+        let options = ClipRetargetOptions { crop_below: self.crop_below, ..ClipRetargetOptions::default() };
+        let wanted = self.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
+        let out = coded_size(wanted, size, &estimated.video);
+        let grids: ClipGrids = retarget_clip(&clip, &estimated.importance, out, &options, &context.job.run())?;
+        context.summary.window = grids
+            .window()
+            .map(|w| WindowSummary { kept: [w.fraction.0, w.fraction.1], range_px: [w.range_px.0, w.range_px.1] });
+        context.values.put(stage, "warp", grids);
+        Ok(HandedOn)
     }
-}
-
-/// Finds the grids.
-fn retarget(context: &mut Context<'_, '_>, stage: usize, settings: &VideoRetargetSettings) -> Result<(), RunError> {
-    let estimated: &EstimatedImportance = context.values.get(context.required(stage, "importance")?)?;
-    let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
-    let path: Option<&VirtualPath> = context.edge(stage, "path").map(|edge| context.values.get(edge)).transpose()?;
-    let lens = lens_behind(context.job.graph(), stage).and_then(|at| context.values.at::<Undistorted>(at, "warp"));
-    let size = (motion.width as usize, motion.height as usize);
-    let judged = lens.map(|lens| (lens as &dyn PointMap, lens.source));
-    let times_s: Vec<f64> = motion.frames.iter().map(|f| motion.timebase.seconds(f.pts)).collect();
-    let steps: Vec<Similarity2> = motion.frames.iter().map(|f| f.similarity).collect();
-    let shown: &[Homography] = path.map_or(&[], |p| &p.out_from_src);
-    let clip =
-        ClipData { size, times_s: &times_s, shots: &motion.shots, motion: &steps, shown_from_src: shown, judged };
-    let options = ClipRetargetOptions { crop_below: settings.crop_below, ..ClipRetargetOptions::default() };
-    let wanted = settings.size.ok_or_else(|| RunError::Internal("a size is required".to_owned()))?;
-    let out = coded_size(wanted, size, &estimated.video);
-    let grids: ClipGrids = retarget_clip(&clip, &estimated.importance, out, &options, &context.job.run())?;
-    context.summary.window = grids
-        .window()
-        .map(|w| WindowSummary { kept: [w.fraction.0, w.fraction.1], range_px: [w.range_px.0, w.range_px.1] });
-    context.values.put(stage, "warp", grids);
-    Ok(())
 }
 
 /// The `lens.undistort` stage whose map the motion was carried through.

@@ -62,7 +62,29 @@ impl Stage for StMapSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        write_maps(context, stage, self).map(|()| HandedOn)
+        let source = context.required(stage, "frames")?.from;
+        let folder = PathBuf::from(&self.path);
+        let (input, reader) = context.open(source)?;
+        let chain = Chain::of(context, stage, self.keep_inside)?;
+        chain.check(input.name(), reader.info())?;
+        context.job.progress.begin(context.pass.index, "maps", chain.frames().or(reader.info().frames_estimate));
+        let size = (reader.info().width, reader.info().height);
+        let models = chain.models(&context.job.run())?;
+        let mut maps = chain.maps(models.as_ref(), reader.info())?;
+        let unfinished = begin(&folder)?;
+        let (mut waiting, mut written) = (Vec::new(), 0);
+        let report = for_each_frame(context.job, reader, |frame| {
+            waiting.push(maps.next(&frame)?);
+            if waiting.len() == context.job.threads.min(AT_ONCE) {
+                write_all(&mut waiting, &mut written, unfinished.path(), size)?;
+            }
+            Ok(())
+        })?;
+        write_all(&mut waiting, &mut written, unfinished.path(), size)?;
+        chain.check_length(input.name(), report.frames)?;
+        unfinished.publish_into(&folder).map_err(|e| cannot(&folder, &e))?;
+        context.summary.outputs.push(folder);
+        Ok(HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
@@ -72,33 +94,6 @@ impl Stage for StMapSettings {
 
 /// Most maps that are written at once.
 const AT_ONCE: usize = 8;
-
-/// Writes the maps of all frames.
-fn write_maps(context: &mut Context<'_, '_>, stage: usize, settings: &StMapSettings) -> Result<(), RunError> {
-    let source = context.required(stage, "frames")?.from;
-    let folder = PathBuf::from(&settings.path);
-    let (input, reader) = context.open(source)?;
-    let chain = Chain::of(context, stage, settings.keep_inside)?;
-    chain.check(input.name(), reader.info())?;
-    context.job.progress.begin(context.pass.index, "maps", chain.frames().or(reader.info().frames_estimate));
-    let size = (reader.info().width, reader.info().height);
-    let models = chain.models(&context.job.run())?;
-    let mut maps = chain.maps(models.as_ref(), reader.info())?;
-    let unfinished = begin(&folder)?;
-    let (mut waiting, mut written) = (Vec::new(), 0);
-    let report = for_each_frame(context.job, reader, |frame| {
-        waiting.push(maps.next(&frame)?);
-        if waiting.len() == context.job.threads.min(AT_ONCE) {
-            write_all(&mut waiting, &mut written, unfinished.path(), size)?;
-        }
-        Ok(())
-    })?;
-    write_all(&mut waiting, &mut written, unfinished.path(), size)?;
-    chain.check_length(input.name(), report.frames)?;
-    unfinished.publish_into(&folder).map_err(|e| cannot(&folder, &e))?;
-    context.summary.outputs.push(folder);
-    Ok(())
-}
 
 /// Writes the maps that wait, the first of which is number `written`.
 fn write_all(

@@ -44,40 +44,35 @@ impl Stage for TrackSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        analyze(context, stage, self).map(|()| HandedOn)
+        let decode = context.required(stage, "frames")?.from;
+        let (input, reader) = context.open(decode)?;
+        let video = reader.info().clone();
+        let lens: Option<Undistorted> = match context.edge(stage, "lens") {
+            Some(edge) => Some(context.values.get::<Undistorted>(edge)?.clone()),
+            None => None,
+        };
+        let mut tracker = ClipTracker::new(&clip_info(&video), self, lens.as_ref().map(Undistorted::carrier))?;
+        let mut estimators = importance_estimators(context, decode, &video)?;
+        context.job.progress.begin(context.pass.index, "analyze", video.frames_estimate);
+        let report = for_each_frame(context.job, reader, |frame| {
+            let cut = tracker.push(&frame)?;
+            estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
+        })?;
+        context.report_damage(&report);
+        let (motion, tracks) = tracker.finish()?;
+        for estimator in estimators {
+            estimator.finish(context);
+        }
+        let motions: Vec<usize> =
+            context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
+        for stage in motions {
+            let settings = context.stage(stage).settings.get::<MotionSettings>().copied().unwrap_or_default();
+            let focal_px = (settings.cameras && lens.is_none()).then(|| focal_px_of(&input)).flatten();
+            hand_on_motion(context, stage, motion.clone(), &tracks, &settings, focal_px)?;
+        }
+        context.values.put(stage, "tracks", tracks);
+        Ok(HandedOn)
     }
-}
-
-/// Tracks the clip, and measures its motion where a later stage takes it.
-fn analyze(context: &mut Context<'_, '_>, stage: usize, settings: &TrackSettings) -> Result<(), RunError> {
-    let decode = context.required(stage, "frames")?.from;
-    let (input, reader) = context.open(decode)?;
-    let video = reader.info().clone();
-    let lens: Option<Undistorted> = match context.edge(stage, "lens") {
-        Some(edge) => Some(context.values.get::<Undistorted>(edge)?.clone()),
-        None => None,
-    };
-    let mut tracker = ClipTracker::new(&clip_info(&video), settings, lens.as_ref().map(Undistorted::carrier))?;
-    let mut estimators = importance_estimators(context, decode, &video)?;
-    context.job.progress.begin(context.pass.index, "analyze", video.frames_estimate);
-    let report = for_each_frame(context.job, reader, |frame| {
-        let cut = tracker.push(&frame)?;
-        estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
-    })?;
-    context.report_damage(&report);
-    let (motion, tracks) = tracker.finish()?;
-    for estimator in estimators {
-        estimator.finish(context);
-    }
-    let motions: Vec<usize> =
-        context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
-    for stage in motions {
-        let settings = context.stage(stage).settings.get::<MotionSettings>().copied().unwrap_or_default();
-        let focal_px = (settings.cameras && lens.is_none()).then(|| focal_px_of(&input)).flatten();
-        hand_on_motion(context, stage, motion.clone(), &tracks, &settings, focal_px)?;
-    }
-    context.values.put(stage, "tracks", tracks);
-    Ok(())
 }
 
 /// What the stabilizer needs to know of a clip before its first frame.
