@@ -25,6 +25,6 @@ pub use color::ColorDescription;
 pub use format::{Layout, PixelFormat};
 pub use frame::{Frame, FrameBuffer, OwnedBuffer, PlaneRows};
 pub use luma::{analysis_luma, analysis_size};
-pub use plane::{Plane, PlaneMut, PlaneRef};
+pub use plane::{Plane, PlaneMut, PlaneRef, Raster};
 pub use pyramid::{PADDING, PaddedPlane, Pyramid};
 pub use rgb::rgb_frame;

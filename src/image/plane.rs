@@ -1,30 +1,36 @@
 //! One channel of an image, with a stride.
 
-/// An owned channel, rows packed at `stride` samples.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plane<T> {
-    data: Vec<T>,
+/// A channel of an image in the memory `D`: `height` rows of `width` samples, `stride` samples apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Raster<D> {
+    data: D,
     width: usize,
     height: usize,
     stride: usize,
 }
 
-/// A borrowed channel: `height` rows of `width` samples, `stride` samples apart.
-#[derive(Clone, Copy, Debug)]
-pub struct PlaneRef<'a, T> {
-    data: &'a [T],
-    width: usize,
-    height: usize,
-    stride: usize,
-}
-
+/// An owned channel.
+pub type Plane<T> = Raster<Vec<T>>;
+/// A borrowed channel.
+pub type PlaneRef<'a, T> = Raster<&'a [T]>;
 /// A mutably borrowed channel.
-#[derive(Debug)]
-pub struct PlaneMut<'a, T> {
-    data: &'a mut [T],
-    width: usize,
-    height: usize,
-    stride: usize,
+pub type PlaneMut<'a, T> = Raster<&'a mut [T]>;
+
+impl<D> Raster<D> {
+    /// Width, px.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height, px.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Distance between the starts of two rows, samples.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
 }
 
 /// Samples that a slice must hold for such a plane; the last row needs no padding.
@@ -69,21 +75,6 @@ impl<T> Plane<T> {
     pub fn as_mut(&mut self) -> PlaneMut<'_, T> {
         PlaneMut { data: &mut self.data, width: self.width, height: self.height, stride: self.stride }
     }
-
-    /// Width, px.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Height, px.
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    /// Distance between the starts of two rows, samples.
-    pub fn stride(&self) -> usize {
-        self.stride
-    }
 }
 
 impl<'a, T> PlaneRef<'a, T> {
@@ -101,21 +92,6 @@ impl<'a, T> PlaneRef<'a, T> {
     /// All samples from the first of the first row, padding included.
     pub fn data(&self) -> &'a [T] {
         self.data
-    }
-
-    /// Width, px.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Height, px.
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    /// Distance between the starts of two rows, samples.
-    pub fn stride(&self) -> usize {
-        self.stride
     }
 }
 
@@ -139,16 +115,6 @@ impl<'a, T> PlaneMut<'a, T> {
     /// All samples, padding included, and the stride: for loops that split the rows between threads.
     pub fn into_data(self) -> (&'a mut [T], usize) {
         (self.data, self.stride)
-    }
-
-    /// Width, px.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Height, px.
-    pub fn height(&self) -> usize {
-        self.height
     }
 }
 
