@@ -13,7 +13,7 @@ use synthetic::{Disturbance, Shot, ShotOptions};
 
 /// The synthetic shots of the unit tests.
 #[path = "../src/video/motion/sfm/tests/synthetic/mod.rs"]
-#[allow(dead_code)] // path errors and tables of tracks are for tests
+#[allow(dead_code, unused_imports)] // path errors and tables of tracks are for tests
 mod synthetic;
 
 /// Iterations per run: what is paid once is spread as in a real run.

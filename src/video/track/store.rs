@@ -39,32 +39,9 @@ pub enum StoreError {
         /// Error of the system.
         source: std::io::Error,
     },
-    /// The caller is at fault: no such frame.
-    #[error("no tracks of frame {frame} (expected 0 to {frames}, exclusive)")]
-    NoSuchFrame {
-        /// The frame that was asked for.
-        frame: usize,
-        /// Frames stored.
-        frames: usize,
-    },
-    /// The caller is at fault: a position outside the range of the format.
-    #[error("track {id} at ({x}, {y}) px cannot be stored (expected 0 to {LIMIT_PX} px)")]
-    OutOfRange {
-        /// Track.
-        id: u32,
-        /// Position, px.
-        x: f32,
-        /// Position, px.
-        y: f32,
-    },
-    /// The caller is at fault: ids must ascend.
-    #[error("track {id} follows track {before} (expected ids in ascending order)")]
-    Unordered {
-        /// Track.
-        id: u32,
-        /// The one before it.
-        before: u32,
-    },
+    /// The caller is at fault: a frame that is not stored, or an observation that the format cannot represent.
+    #[error("{0}")]
+    Invalid(String),
 }
 
 impl StoreError {
@@ -154,7 +131,7 @@ impl TrackStore {
     /// Appends the tracks of the next frame; ids must ascend.
     ///
     /// # Errors
-    /// [`StoreError::OutOfRange`] and [`StoreError::Unordered`] for observations that the format cannot represent,
+    /// [`StoreError::Invalid`] for observations that the format cannot represent,
     /// [`StoreError::Io`] for a full disk; the store is then as it was.
     pub fn push(&mut self, tracks: &FrameTracks) -> Result<(), StoreError> {
         let mut bytes = std::mem::take(&mut self.scratch);
@@ -178,7 +155,7 @@ impl TrackStore {
     /// The tracks of frame `frame`, positions to within half of [`RESOLUTION_PX`].
     ///
     /// # Errors
-    /// [`StoreError::NoSuchFrame`] beyond the end, [`StoreError::Io`] where the files cannot be read.
+    /// [`StoreError::Invalid`] beyond the end, [`StoreError::Io`] where the files cannot be read.
     pub fn read(&self, frame: usize) -> Result<FrameTracks, StoreError> {
         let record = self.record(frame)?;
         let mut bytes = vec![0; record.bytes as usize];
@@ -211,7 +188,8 @@ impl TrackStore {
 
     fn record(&self, frame: usize) -> Result<Record, StoreError> {
         if frame >= self.frames {
-            return Err(StoreError::NoSuchFrame { frame, frames: self.frames });
+            let expected = format!("expected 0 to {}, exclusive", self.frames);
+            return Err(StoreError::Invalid(format!("no tracks of frame {frame} ({expected})")));
         }
         let mut bytes = [0; RECORD];
         self.records.read_exact_at(&mut bytes, (frame * RECORD) as u64).map_err(StoreError::io)?;
@@ -222,12 +200,14 @@ impl TrackStore {
 fn encode(observations: &[Observation], bytes: &mut Vec<u8>) -> Result<(), StoreError> {
     let mut before: Option<u32> = None;
     for &Observation { id, x, y, background } in observations {
-        if before.is_some_and(|before| id <= before) {
-            return Err(StoreError::Unordered { id, before: before.unwrap_or(0) });
+        if let Some(before) = before.filter(|before| id <= *before) {
+            let text = format!("track {id} follows track {before} (expected ids in ascending order)");
+            return Err(StoreError::Invalid(text));
         }
         let range = 0.0..LIMIT_PX;
         if !(range.contains(&x) && range.contains(&y)) {
-            return Err(StoreError::OutOfRange { id, x, y });
+            let text = format!("track {id} at ({x}, {y}) px cannot be stored (expected 0 to {LIMIT_PX} px)");
+            return Err(StoreError::Invalid(text));
         }
         let delta = id - before.unwrap_or(0);
         let head = delta.min(FAR) as u16 | if background { 0 } else { FOREGROUND };

@@ -47,15 +47,9 @@ const KIND: Kind = Kind { name: "a motion file", format: FORMAT, max_bytes: 1 <<
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionFileError {
-    /// The file is not JSON of the expected shape.
-    #[error("not a motion file: {0}")]
-    Syntax(#[source] serde_json::Error),
-    /// The file is some other JSON.
-    #[error("format {found:?} is not a motion file (expected \"plumbline.motion\")")]
-    Format {
-        /// Value of `format`.
-        found: String,
-    },
+    /// The file is not JSON of the expected shape, or is larger than any clip's motion.
+    #[error(transparent)]
+    Document(DocumentError),
     /// The file was made by a program of another version.
     #[error("motion file version {found} is not supported (expected 1); export the motion again with this program")]
     Version {
@@ -82,12 +76,6 @@ pub enum MotionFileError {
         /// The frames of the file.
         frames: usize,
     },
-    /// The file is larger than any clip's motion.
-    #[error("motion file is larger than {limit} bytes; split the clip")]
-    TooLarge {
-        /// Largest accepted size, bytes.
-        limit: u64,
-    },
     /// An error and its line.
     #[error("line {line}: {fault}")]
     InLine {
@@ -107,11 +95,9 @@ pub enum MotionFileError {
 impl From<DocumentError> for MotionFileError {
     fn from(error: DocumentError) -> Self {
         match error {
-            DocumentError::Syntax { fault, .. } => Self::Syntax(fault),
-            DocumentError::Format { found, .. } => Self::Format { found },
             DocumentError::Version { found, .. } => Self::Version { found },
-            DocumentError::TooLarge { most, .. } => Self::TooLarge { limit: most },
             DocumentError::Io { fault, .. } => Self::Io(fault),
+            other => Self::Document(other),
         }
     }
 }
@@ -184,8 +170,8 @@ impl ClipMotion {
             cameras::write(&mut out, found)?;
         }
         for (name, block) in &self.other_blocks {
-            write!(out, ",\n{}: ", serde_json::to_string(name).map_err(MotionFileError::Syntax)?)?;
-            serde_json::to_writer(&mut out, block).map_err(MotionFileError::Syntax)?;
+            write!(out, ",\n{}: ", serde_json::to_string(name).map_err(io::Error::from)?)?;
+            serde_json::to_writer(&mut out, block).map_err(io::Error::from)?;
         }
         if let Some(store) = tracks {
             tracks::write(&mut out, store)?;
@@ -219,8 +205,8 @@ impl ClipMotion {
             pixel_aspect: [self.pixel_aspect.0, self.pixel_aspect.1],
             time_base: [self.timebase.num, self.timebase.den],
         };
-        let source = serde_json::to_string(&source).map_err(MotionFileError::Syntax)?;
-        let readout = serde_json::to_string(&self.readout_s).map_err(MotionFileError::Syntax)?;
+        let source = serde_json::to_string(&source).map_err(io::Error::from)?;
+        let readout = serde_json::to_string(&self.readout_s).map_err(io::Error::from)?;
         write!(out, "{{\n\"format\": {FORMAT:?}, \"version\": {VERSION}, \"pixel_center\": 0.5,\n")?;
         Ok(write!(out, "\"source\": {source},\n\"readout_s\": {readout}")?)
     }
@@ -257,7 +243,7 @@ fn write_block(
     write!(out, ",\n{name:?}: [")?;
     for (k, entry) in entries.enumerate() {
         out.write_all(if k == 0 { b"\n" } else { b",\n" })?;
-        serde_json::to_writer(&mut *out, &entry).map_err(MotionFileError::Syntax)?;
+        serde_json::to_writer(&mut *out, &entry).map_err(io::Error::from)?;
     }
     Ok(write!(out, "\n]")?)
 }

@@ -12,7 +12,7 @@
 //! that the tracks are read back bit for bit. A point takes about 20 bytes.
 
 use std::fmt;
-use std::io::Write;
+use std::io::{self, Write};
 
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -73,7 +73,7 @@ pub(super) fn write(out: &mut impl Write, tracks: &TrackStore) -> Result<(), Mot
             moving: seen.iter().filter(|o| !o.background).map(|o| o.id).collect(),
         };
         out.write_all(if k == 0 { b"\n" } else { b",\n" })?;
-        serde_json::to_writer(&mut *out, &entry).map_err(MotionFileError::Syntax)?;
+        serde_json::to_writer(&mut *out, &entry).map_err(io::Error::from)?;
     }
     Ok(write!(out, "\n] }}")?)
 }

@@ -9,9 +9,10 @@
 
 use nalgebra::{Matrix2x3, Matrix6, SMatrix, Vector6};
 
+use super::robust_search::robust_search;
 use super::three_point::{PointRay, three_point};
 use plumbline_camera::{CameraPose, Vec3};
-use plumbline_num::optim::ransac::{Consensus, MsacOptions, Solution, msac};
+use plumbline_num::optim::ransac::{Consensus, MsacOptions, Solution};
 use plumbline_num::run::{Run, Stopped};
 
 /// Gauss–Newton steps of one refit inside the search. A few are enough: a refit starts near its minimum and is
@@ -21,20 +22,19 @@ const REFIT_STEPS: usize = 4;
 /// The pose `cam_from_world` of minimum truncated squared reprojection error, in units of normalized image
 /// coordinates.
 ///
-/// `initial`, if given, competes with the sampled poses. `None` if fewer than three points have nonzero weight or no
-/// sample determines a pose.
+/// `initial`, if given, competes with the poses of the samples, which depend on `seed` alone. `None` for fewer than three
+/// points, or if no sample determines a pose.
 ///
 /// # Errors
 /// [`Stopped`].
 pub fn absolute_pose(
     points: &[PointRay],
-    weights: &[f64],
     options: &MsacOptions,
     initial: Option<CameraPose>,
-    rng: &mut fastrand::Rng,
+    seed: u64,
     run: &Run,
 ) -> Result<Option<Solution<CameraPose>>, Stopped> {
-    msac(&ByPointRays(points), weights, options, initial, rng, run)
+    robust_search(&ByPointRays(points), options, initial, seed, run)
 }
 
 struct ByPointRays<'a>(&'a [PointRay]);
@@ -114,7 +114,7 @@ mod tests {
             let views = TwoViews::general(pose, 150, &mut rng);
             let views = views.with_noise(0.3 / 576.0, &mut rng).with_outliers(0.4, &mut rng);
             let data = points(&views);
-            let found = absolute_pose(&data, &[1.0; 150], &SEARCH, None, &mut rng, &Run::default())
+            let found = absolute_pose(&data, &SEARCH, None, seed, &Run::default())
                 .expect("a run that never stops")
                 .expect("a pose exists");
             assert!((found.support - 0.6).abs() < 0.05, "seed {seed}: {}", found.support);
@@ -128,7 +128,7 @@ mod tests {
         let mut rng = fastrand::Rng::with_seed(1);
         let pose = random_pose(&mut rng, 0.5, 1.0);
         let data = points(&TwoViews::general(pose, 30, &mut rng));
-        let found = absolute_pose(&data, &[1.0; 30], &SEARCH, None, &mut rng, &Run::default())
+        let found = absolute_pose(&data, &SEARCH, None, 1, &Run::default())
             .expect("a run that never stops")
             .expect("a pose exists");
         assert!(rotation_error(&found.model, &pose) < 1e-10);

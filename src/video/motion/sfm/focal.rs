@@ -36,10 +36,11 @@ use super::correspondence::Correspondence;
 use super::epipolar::EpipolarFamily;
 use super::essential::{ByEssential, EssentialChart};
 use super::fundamental::ByFundamental;
+use super::robust_search::robust_search;
 use super::sampson::{self, Chart};
 use super::view_graph_focal::view_graph_focal;
 use plumbline_camera::Vec3;
-use plumbline_num::optim::ransac::{MsacOptions, msac};
+use plumbline_num::optim::ransac::MsacOptions;
 use plumbline_num::run::{Run, Stopped};
 
 /// Maximum number of damped Gauss–Newton steps of the joint refinement; it ends earlier if no step decreases the
@@ -63,15 +64,13 @@ pub struct FocalOptions {
     pub threshold: f64,
     /// Minimum and maximum focal length.
     pub range: (f64, f64),
-    /// Seed of the random sampling.
-    pub seed: u64,
 }
 
 impl FocalOptions {
     /// Range 0.4 to 4 widths, from fisheyes to telephoto lenses, and an outlier threshold of two pixels at 640, for a
     /// frame `width` units wide.
     pub fn for_width(width: f64) -> Self {
-        Self { threshold: 2.0 / 640.0 * width, range: (0.4 * width, 4.0 * width), seed: 0 }
+        Self { threshold: 2.0 / 640.0 * width, range: (0.4 * width, 4.0 * width) }
     }
 }
 
@@ -115,9 +114,8 @@ fn estimated(pairs: &[Vec<Correspondence>], options: &FocalOptions, run: &Run) -
 fn fundamental(pair: &[Correspondence], options: &FocalOptions, run: &Run) -> Option<Matrix3<f64>> {
     let unit = (options.range.0 * options.range.1).sqrt();
     let scaled: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / unit)).collect();
-    let mut rng = fastrand::Rng::with_seed(options.seed);
     let settings = search_settings(options.threshold / unit, 1000);
-    let found = msac(&ByFundamental::of(&scaled), &vec![1.0; pair.len()], &settings, None, &mut rng, run).ok()??;
+    let found = robust_search(&ByFundamental::of(&scaled), &settings, None, 0, run).ok()??;
     let k = Matrix3::from_diagonal(&Vec3::new(1.0 / unit, 1.0 / unit, 1.0));
     Some(k * found.model * k)
 }
@@ -125,10 +123,8 @@ fn fundamental(pair: &[Correspondence], options: &FocalOptions, run: &Run) -> Op
 /// The essential matrix of a pair at an assumed focal length, by robust search.
 fn essential(pair: &[Correspondence], focal: f64, options: &FocalOptions, run: &Run) -> Option<Matrix3<f64>> {
     let rays: Vec<Correspondence> = pair.iter().map(|c| c.scaled(1.0 / focal)).collect();
-    let mut rng = fastrand::Rng::with_seed(options.seed);
     let settings = search_settings(options.threshold / focal, 200);
-    let found = msac(&ByEssential::of(&rays), &vec![1.0; pair.len()], &settings, None, &mut rng, run).ok()??;
-    Some(found.model)
+    Some(robust_search(&ByEssential::of(&rays), &settings, None, 0, run).ok()??.model)
 }
 
 fn search_settings(threshold: f64, max_samples: usize) -> MsacOptions {

@@ -197,14 +197,12 @@ impl<'a> Mapper<'a> {
         }
         let threshold = 2.0 * WRONG_PX * self.table.unit_px() / self.scene.intrinsics.focal;
         let options = MsacOptions { threshold, min_samples: 20, max_samples: 500, local_steps: 3 };
-        let mut rng = fastrand::Rng::with_seed(frame as u64);
-        let weights = vec![1.0; points.len()];
         let predicted = self.predicted(frame);
         let near = MsacOptions { max_samples: 0, ..options };
-        let mut found = absolute_pose(&points, &weights, &near, predicted, &mut rng, self.run)?
-            .filter(|s| s.support >= CLEAR_SUPPORT);
+        let mut found =
+            absolute_pose(&points, &near, predicted, frame as u64, self.run)?.filter(|s| s.support >= CLEAR_SUPPORT);
         if found.is_none() {
-            found = absolute_pose(&points, &weights, &options, predicted, &mut rng, self.run)?;
+            found = absolute_pose(&points, &options, predicted, frame as u64, self.run)?;
         }
         let Some(found) = found.filter(|s| s.support >= MIN_SUPPORT) else { return Ok(false) };
         if found.support * (points.len() as f64) < MIN_INLIERS as f64 {
@@ -316,8 +314,8 @@ impl<'a> Mapper<'a> {
     /// Adjusts a sample of a complete map, lens included, from near its optimum. Its points are first refined one by
     /// one: the pieces of cut tracks have never been optimized.
     pub(super) fn finish(&self, sample: &mut Sample, last: Last) -> Result<Option<BundleReport>, Stopped> {
-        let placed = refine_points(&mut sample.scene, &sample.observations, &self.placing(), self.run);
-        if unless_stopped(placed)?.is_none() {
+        let refined = refine_points(&mut sample.scene, &sample.observations, &self.structure_fit(), self.run);
+        if unless_stopped(refined)?.is_none() {
             return Ok(None);
         }
         let options = BundleOptions {
@@ -335,13 +333,13 @@ impl<'a> Mapper<'a> {
     /// Takes the cameras of an adjusted sample and refines all points with these cameras fixed.
     pub(super) fn take_cameras(&mut self, sample: Sample) -> Result<(), Stopped> {
         self.scene = Scene { points: std::mem::take(&mut self.scene.points), ..sample.scene };
-        let fit = self.placing();
+        let fit = self.structure_fit();
         // On failure the points are unchanged: those that no longer fit are removed by their residuals.
         unless_stopped(refine_points(&mut self.scene, &self.observations, &fit, self.run)).map(drop)
     }
 
     /// Options for the refinement of points with fixed cameras.
-    fn placing(&self) -> RobustFit {
+    fn structure_fit(&self) -> RobustFit {
         RobustFit { losses: vec![Loss::Cauchy(2.0)], ..self.fit(8, 1e-3) }
     }
 

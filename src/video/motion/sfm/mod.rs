@@ -22,6 +22,7 @@ mod polynomial;
 mod positioning;
 mod prediction;
 mod reconstruct;
+mod robust_search;
 mod rotation_averaging;
 mod rotation_estimation;
 mod rotation_fit;

@@ -20,12 +20,13 @@ use super::absolute_pose::absolute_pose;
 use super::correspondence::Correspondence;
 use super::homography_search::ByPlane;
 use super::mapper::WRONG_PX;
+use super::robust_search::robust_search;
 use super::three_point::PointRay;
 use super::triangulate::{View, triangulate};
 use super::{Match, Observation, Scene, TrackTable};
 use plumbline_camera::{CameraPose, Point3, Vec3};
 use plumbline_num::math::{Point2, Vec2};
-use plumbline_num::optim::ransac::{MsacOptions, msac};
+use plumbline_num::optim::ransac::MsacOptions;
 use plumbline_num::run::{Run, Stopped};
 
 /// Number of frame pairs that are evaluated, spread over the shot: with at least [`MIN_TRACKS`] held-out tracks each, 288
@@ -115,8 +116,7 @@ impl<'a> Pair<'a> {
             Correspondence::new(a.without_rotation(&self.first.1), b.without_rotation(&self.second.1))
         };
         let pairs: Vec<Correspondence> = self.fit.iter().filter_map(ends).map(pair).collect();
-        let mut rng = fastrand::Rng::with_seed(self.first.0 as u64);
-        let plane = msac(&ByPlane(&pairs), &vec![1.0; pairs.len()], &options, None, &mut rng, run).ok()??.model;
+        let plane = robust_search(&ByPlane(&pairs), &options, None, self.first.0 as u64, run).ok()??.model;
         let squared_error = |y: Vec3, seen: Vec2| {
             let squared = (y.xy() / y.z - seen).norm_squared();
             if y.z > 0.0 && squared <= limit * limit { squared } else { limit * limit }
@@ -146,8 +146,7 @@ impl<'a> Pair<'a> {
             Some(PointRay { point: moved.apply(&Point3::from(point.direction() * depth)), ray: row.seen })
         };
         let known: Vec<PointRay> = self.fit.iter().filter_map(observation).collect();
-        let mut rng = fastrand::Rng::with_seed(self.second.0 as u64);
-        Some(absolute_pose(&known, &vec![1.0; known.len()], options, Some(self.second.1), &mut rng, run).ok()??.model)
+        Some(absolute_pose(&known, options, Some(self.second.1), self.second.0 as u64, run).ok()??.model)
     }
 
     /// Inverse depth in the first frame, triangulated from observations up to that frame.

@@ -226,18 +226,18 @@ impl<'a> Shot<'a> {
             return Ok(grown.unwrap_or_else(|| self.failed("no pair of keyframes carries a map")));
         }
         let mut mapper = empty;
-        let placed = map_globally(self.table, &mut mapper, &self.keys, &edges, self.run)?;
-        let placed = placed.then(|| self.completed(mapper, SfmVerdict::ThreeD)).transpose()?;
+        let mapped = map_globally(self.table, &mut mapper, &self.keys, &edges, self.run)?;
+        let global = mapped.then(|| self.completed(mapper, SfmVerdict::ThreeD)).transpose()?;
         let worth = |r: &Reconstruction| (r.verdict.has_cameras(), r.figures.registered, -r.figures.rms_px);
-        Ok(match (grown, placed) {
-            (Some(grown), Some(placed)) => {
-                if worth(&placed) > worth(&grown) {
-                    placed
+        Ok(match (grown, global) {
+            (Some(grown), Some(global)) => {
+                if worth(&global) > worth(&grown) {
+                    global
                 } else {
                     grown
                 }
             }
-            (grown, placed) => placed.or(grown).unwrap_or_else(|| self.failed("no pair of keyframes carries a map")),
+            (grown, global) => global.or(grown).unwrap_or_else(|| self.failed("no pair of keyframes carries a map")),
         })
     }
 

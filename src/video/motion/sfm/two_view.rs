@@ -25,11 +25,12 @@ use super::fundamental::ByFundamental;
 use super::gric::{ModelSize, gric};
 use super::homography_poses::{calibrated_homography, visible_planar_poses};
 use super::homography_search::ByPlane;
+use super::robust_search::robust_search;
 use super::rotation_fit::{ConjugateRotation, conjugate_rotation, fit_conjugate_rotation, homography_squared_distance};
 use super::sampson;
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::median;
-use plumbline_num::optim::ransac::{Consensus, MsacOptions, msac};
+use plumbline_num::optim::ransac::{Consensus, MsacOptions};
 use plumbline_num::run::{Run, Stopped};
 
 /// Steps of the final refinement of the essential matrix.
@@ -55,15 +56,13 @@ pub struct TwoViewOptions {
     pub max_focal_ratio: f64,
     /// Minimum number of pairs, and of inliers of a model.
     pub min_pairs: usize,
-    /// Seed of the random sampling.
-    pub seed: u64,
 }
 
 impl TwoViewOptions {
     /// Outlier threshold of two pixels and minimum noise of a twentieth of a pixel, at an assumed focal length, px,
     /// that may be wrong by a factor of 1.8.
     pub fn for_focal(focal_px: f64) -> Self {
-        Self { threshold: 2.0 / focal_px, min_noise: 0.05 / focal_px, max_focal_ratio: 1.8, min_pairs: 24, seed: 0 }
+        Self { threshold: 2.0 / focal_px, min_noise: 0.05 / focal_px, max_focal_ratio: 1.8, min_pairs: 24 }
     }
 }
 
@@ -294,8 +293,7 @@ fn search<P: Consensus>(
     run: &Run,
 ) -> Result<Option<P::Model>, Stopped> {
     let settings = MsacOptions { threshold: options.threshold, min_samples: 40, max_samples, local_steps: 4 };
-    let mut rng = fastrand::Rng::with_seed(options.seed);
-    Ok(msac(family, &vec![1.0; family.len()], &settings, None, &mut rng, run)?.map(|s| s.model))
+    Ok(robust_search(family, &settings, None, 0, run)?.map(|s| s.model))
 }
 
 /// The better of the rotations at the assumed and at a free focal length, selected by GRIC at a noise of half a
