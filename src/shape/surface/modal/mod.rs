@@ -11,7 +11,6 @@
 //! Q. Huang, M. Wicke, B. Adams, L. Guibas, *Shape decomposition using modal analysis*, Computer Graphics Forum 28 (2009).
 
 mod hessian;
-mod initial_guess;
 mod parts;
 #[cfg(test)]
 mod tests;
@@ -27,7 +26,6 @@ use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering};
 
-pub use initial_guess::modal_initial_guess;
 pub use parts::{PartCount, Parts, PartsOptions, parts};
 
 /// Shift σ of the shift-and-invert iteration, relative to the ratio of the mean diagonals of `H` and `M`: below the lowest mode

@@ -43,8 +43,9 @@ fn energy(mesh: &TriMesh, d: &[Vector3<f64>]) -> f64 {
             normal += across.transpose() * across * w;
             right -= across.transpose() * change * w;
         }
-        let turn = normal.try_inverse().expect("a sound case") * right;
-        sum += cell.iter().map(arms).map(|(e, change, w)| w * (change - turn.cross(&e)).norm_squared()).sum::<f64>();
+        let rotation = normal.try_inverse().expect("a sound case") * right;
+        sum +=
+            cell.iter().map(arms).map(|(e, change, w)| w * (change - rotation.cross(&e)).norm_squared()).sum::<f64>();
     }
     sum / 3.0
 }
@@ -223,43 +224,4 @@ fn parts_are_connected_and_each_vertex_is_in_one() {
     }
     let whole: usize = largest.iter().sum();
     assert!(whole + 8 >= mesh.vertex_count() && largest.iter().all(|&n| n > 0), "{whole} of {}", mesh.vertex_count());
-}
-
-#[test]
-fn a_start_from_modes_follows_a_rigid_motion_exactly_and_a_bend_better_than_rest() {
-    use crate::surface::{DeformOptions, Deformer, HandlePose, Handles, InitialGuess, Method};
-    let mesh = bar(40, |_| 1.0);
-    let low = modes(&mesh, 12, &ModesOptions::default(), &Run::default()).expect("a sound case");
-    let held = (0..mesh.vertex_count() as u32).filter(|&v| (mesh.positions()[v as usize].x - 10.0).abs() > 9.2);
-    let handles = Handles::exact(held).expect("a sound case");
-    let posed = |motion: &dyn Fn(&Point3<f64>) -> Point3<f64>| {
-        HandlePose::new(handles.vertices().iter().map(|&v| motion(&mesh.positions()[v as usize])).collect())
-    };
-    let r = Rotation3::new(Vector3::new(1.0, 0.5, -0.3));
-    let rigid = |p: &Point3<f64>| r * p + Vector3::new(3.0, 4.0, 5.0);
-    for (p, rest) in
-        modal_initial_guess(&mesh, &low, &handles, &posed(&rigid)).expect("a sound case").iter().zip(mesh.positions())
-    {
-        assert!((p - rigid(rest)).norm() < 1e-9 * mesh.diagonal());
-    }
-    let end = Rotation3::new(Vector3::z() * 0.8);
-    let bend = |p: &Point3<f64>| if p.x > 10.0 { end * (p - Vector3::x() * 10.0) + Vector3::x() * 9.5 } else { *p };
-    let pose = posed(&bend);
-    let start = modal_initial_guess(&mesh, &low, &handles, &pose).expect("a sound case");
-    let mut arap =
-        Deformer::new(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).expect("a sound case");
-    let criterion = plumbline_num::energy::Convergence { max_iterations: 1, tolerance: 0.0 };
-    let mut energy = |start| {
-        *arap
-            .deform(&pose, start, &criterion, &Run::default())
-            .expect("a sound case")
-            .report
-            .energies
-            .last()
-            .expect("a sound case")
-    };
-    let (from_modes, from_rest) = (energy(InitialGuess::At(&start)), energy(InitialGuess::Rest));
-    assert!(from_modes < 0.5 * from_rest, "{from_modes} against {from_rest}");
-    let none = modal_initial_guess(&mesh, &low, &Handles::default(), &HandlePose::new(vec![]));
-    assert_eq!(none.expect_err("a faulty case"), SurfaceError::NoHandle);
 }
