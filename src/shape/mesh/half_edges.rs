@@ -284,13 +284,13 @@ mod tests {
         let mesh = plane(3);
         let loops = HalfEdges::new(&mesh).expect("valid").boundary_loops();
         let corner = |&v: &u32| mesh.positions()[v as usize];
-        let turns = |line: &[u32]| {
+        let winding = |line: &[u32]| {
             (0..line.len())
                 .map(|k| corner(&line[k]).xy().coords.perp(&corner(&line[(k + 1) % line.len()]).xy().coords))
                 .sum::<f64>()
         };
         assert_eq!((loops.len(), loops[0].len()), (1, 12));
-        assert!((turns(&loops[0]) - 2.0).abs() < 1e-12, "once around the unit square, counterclockwise");
+        assert!((winding(&loops[0]) - 2.0).abs() < 1e-12, "once around the unit square, counterclockwise");
     }
 
     #[test]

@@ -59,9 +59,9 @@ fn read_binary(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
                 let raw = facet[at + 4 * c..at + 4 * c + 4].try_into().expect("four bytes");
                 f64::from(f32::from_le_bytes(raw))
             };
-            let place = || Position::Byte(HEADER + t * FACET + at);
+            let position = || Position::Byte(HEADER + t * FACET + at);
             let xyz = [coordinate(0), coordinate(1), coordinate(2)];
-            builder.positions.push(finite(MeshFormat::Stl, place, 3 * t + k, xyz)?);
+            builder.positions.push(finite(MeshFormat::Stl, position, 3 * t + k, xyz)?);
         }
         let first = 3 * t as u32;
         builder.face(&[first, first + 1, first + 2], NO_VALUE, NO_VALUE);

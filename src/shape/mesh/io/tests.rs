@@ -131,12 +131,12 @@ fn a_deformation_keeps_polygons_seams_and_hard_edges() {
     let cube = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
                 vn 0 0 -1\nvn 0 0 1\nvn 1 0 0\nf 1/1/1 4/2/1 3/3/1 2/4/1\nf 5/1/2 6/2/2 7/3/2 8/4/2\nf 2/1/3 3/2/3 7/3/3 6/4/3\n";
     let model = decode(cube.as_bytes(), MeshFormat::Obj).expect("valid");
-    let turn = nalgebra::Rotation3::from_euler_angles(0.3, -0.8, 1.9);
-    let moved = model.mesh().positions().iter().map(|p| turn * p * 3.0).collect();
+    let rotation = nalgebra::Rotation3::from_euler_angles(0.3, -0.8, 1.9);
+    let moved = model.mesh().positions().iter().map(|p| rotation * p * 3.0).collect();
     let moved = model.with_positions(moved).expect("valid");
     assert_eq!((moved.faces(), moved.texture()), (model.faces(), model.texture()));
     for corner in 0..12 {
-        let expected = turn * nalgebra::Vector3::from(model.normals().expect("valid").get(corner).expect("valid"));
+        let expected = rotation * nalgebra::Vector3::from(model.normals().expect("valid").get(corner).expect("valid"));
         let normal = nalgebra::Vector3::from(moved.normals().expect("valid").get(corner).expect("valid"));
         assert!((normal - expected).norm() < 1e-12, "corner {corner}: {normal} {expected}");
     }

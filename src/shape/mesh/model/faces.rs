@@ -99,8 +99,8 @@ pub(super) fn newell(outline: &[Point3<f64>]) -> Vector3<f64> {
 fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     let n = outline.len();
     let flat = flattened(outline);
-    let turn = |a: usize, b: usize, c: usize| (flat[b] - flat[a]).perp(&(flat[c] - flat[a]));
-    let convex = (0..n).all(|k| turn(k, (k + 1) % n, (k + 2) % n) >= 0.0);
+    let doubled_area = |a: usize, b: usize, c: usize| (flat[b] - flat[a]).perp(&(flat[c] - flat[a]));
+    let convex = (0..n).all(|k| doubled_area(k, (k + 1) % n, (k + 2) % n) >= 0.0);
     if convex || n > MAX_EARS {
         return (2..n).map(|k| [0, k - 1, k]).collect();
     }
@@ -111,8 +111,9 @@ fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     while left.len() > 3 {
         let m = left.len();
         let [a, b, c] = [left[at % m], left[(at + 1) % m], left[(at + 2) % m]];
-        let inside = |p: usize| turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0;
-        let is_ear = turn(a, b, c) > 0.0 && !left.iter().any(|&p| p != a && p != b && p != c && inside(p));
+        let inside =
+            |p: usize| doubled_area(a, b, p) >= 0.0 && doubled_area(b, c, p) >= 0.0 && doubled_area(c, a, p) >= 0.0;
+        let is_ear = doubled_area(a, b, c) > 0.0 && !left.iter().any(|&p| p != a && p != b && p != c && inside(p));
         // A self-intersecting polygon may have no ear left: after a full pass without one, clip the current corner.
         if is_ear || since_ear > m {
             triangles.push([a, b, c]);
@@ -159,12 +160,12 @@ mod tests {
             vec![[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [2.0, 3.0], [2.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]],
             comb,
         ];
-        let turn = nalgebra::Rotation3::from_euler_angles(0.4, -1.1, 2.0);
+        let rotation = nalgebra::Rotation3::from_euler_angles(0.4, -1.1, 2.0);
         for outline in outlines {
             for start in 0..outline.len() {
                 let points: Vec<_> = (0..outline.len())
                     .map(|k| outline[(k + start) % outline.len()])
-                    .map(|[x, y]| turn * Point3::new(x, y, 0.5))
+                    .map(|[x, y]| rotation * Point3::new(x, y, 0.5))
                     .collect();
                 let triangles = cut(&points);
                 assert_eq!(triangles.len(), points.len() - 2);

@@ -199,17 +199,6 @@ impl Model {
         Ok(Self { mesh, normals, ..self.clone() })
     }
 
-    /// The model with its colors replaced, one per vertex.
-    ///
-    /// # Panics
-    /// If the number of colors differs from the number of vertices.
-    #[must_use]
-    pub fn with_colors(mut self, colors: Vec<[f32; 4]>) -> Self {
-        assert_eq!(colors.len(), self.mesh.vertex_count(), "one color per vertex");
-        self.colors = Some(colors);
-        self
-    }
-
     /// The model of a repaired mesh: its triangles with the attributes of their source corners. The polygons are not restored.
     #[must_use]
     pub fn repaired(&self, repaired: &Repaired) -> Self {

@@ -10,6 +10,8 @@
 //! Computational Geometry 38 (2007); M. Fisher, B. Springborn, P. Schröder, A. I. Bobenko, *An algorithm for the
 //! construction of intrinsic Delaunay triangulations*, Computing 81 (2007).
 
+use crate::mesh::{HalfEdges, edge_groups};
+
 /// Tolerance of the Delaunay test: an edge is flipped if its weight is below minus this value, so that rounding does not flip
 /// the diagonals of cocircular corners back and forth.
 const NEGATIVE: f64 = 1e-11;
@@ -43,27 +45,16 @@ struct Surface {
 
 /// Adjacency over the edges with exactly two incident triangles that traverse the edge in opposite directions.
 fn glue(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
-    let mut sides: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
-    for (t, v) in triangles.iter().enumerate() {
-        for k in 0..3 {
-            let (from, to) = (v[(k + 1) % 3], v[(k + 2) % 3]);
-            sides.push((from.min(to), from.max(to), (3 * t + k) as u32));
-        }
-    }
-    sides.sort_unstable();
-    let start_of = |side: u32| {
-        let (t, k) = (side as usize / 3, side as usize % 3);
-        triangles[t][(k + 1) % 3]
-    };
+    let origins = triangles.as_flattened();
     let mut across = vec![[BORDER; 3]; triangles.len()];
-    for edge in sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        if let &[(i, j, a), (_, _, b)] = edge
-            && i != j
-            && a / 3 != b / 3
-            && start_of(a) != start_of(b)
+    let opposite = across.as_flattened_mut();
+    for edge in edge_groups(origins).iter() {
+        if let &[(_, g), (_, h)] = edge
+            && g / 3 != h / 3
+            && origins[g as usize] != origins[h as usize]
         {
-            across[a as usize / 3][a as usize % 3] = b;
-            across[b as usize / 3][b as usize % 3] = a;
+            let (a, b) = (HalfEdges::previous(g), HalfEdges::previous(h));
+            (opposite[a as usize], opposite[b as usize]) = (b, a);
         }
     }
     across

@@ -82,8 +82,9 @@ impl Repaired {
     /// If the number of positions differs from the number of vertices of the result.
     pub fn carry_back(&self, source: &TriMesh, moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
         assert_eq!(moved.len(), self.source_of_vertex.len(), "one position per vertex of the repaired mesh");
-        let place = |(vertex, position): (&Option<u32>, &Point3<f64>)| vertex.map_or(*position, |v| moved[v as usize]);
-        self.vertex_of_source.iter().zip(source.positions()).map(place).collect()
+        let current =
+            |(vertex, position): (&Option<u32>, &Point3<f64>)| vertex.map_or(*position, |v| moved[v as usize]);
+        self.vertex_of_source.iter().zip(source.positions()).map(current).collect()
     }
 }
 

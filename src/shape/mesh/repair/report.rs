@@ -2,11 +2,10 @@
 
 use std::fmt;
 
-use nalgebra::Point3;
 use serde::Serialize;
 
-use crate::mesh::{HalfEdges, TriMesh};
-use plumbline_num::spatial::UnionFind;
+use crate::mesh::{HalfEdges, TriMesh, edge_groups};
+use plumbline_num::spatial::numbered_components;
 
 /// Changes made to a mesh, and properties of the result. Vertex and triangle indices refer to the input unless stated
 /// otherwise.
@@ -143,8 +142,8 @@ pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairRepor
     for line in half_edges.boundary_loops() {
         let component = component_of[line[0] as usize];
         components[component as usize].boundary_loops += 1;
-        let place = |k: usize| mesh.positions()[line[k % line.len()] as usize];
-        let length = (0..line.len()).map(|k| (place(k + 1) - place(k)).norm()).sum();
+        let point = |k: usize| mesh.positions()[line[k % line.len()] as usize];
+        let length = (0..line.len()).map(|k| (point(k + 1) - point(k)).norm()).sum();
         report.boundary_loops.push(BoundaryLoop { component, first_vertex: line[0], vertices: line.len(), length });
     }
     // Genus g from the Euler characteristic: V − E + F = 2 − 2 g − b with b boundary loops.
@@ -164,30 +163,19 @@ pub(super) fn describe(mesh: &TriMesh, mut report: RepairReport) -> (RepairRepor
 /// The component of each vertex, numbered by lowest vertex, and the measures of each component. An isolated vertex is a
 /// component without triangles. Volumes are computed about the first vertex of the component, to avoid cancellation.
 pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
-    let mut joined = UnionFind::new(mesh.vertex_count());
-    for &[a, b, c] in mesh.triangles() {
-        joined.join(a, b);
-        joined.join(b, c);
-    }
-    let mut components: Vec<Component> = Vec::new();
-    let mut origins: Vec<Point3<f64>> = Vec::new();
-    let mut component_of = vec![0; mesh.vertex_count()];
-    for vertex in 0..mesh.vertex_count() as u32 {
-        let root = joined.root(vertex);
-        if root == vertex {
-            component_of[vertex as usize] = components.len() as u32;
-            components.push(Component { first_vertex: vertex, volume: Some(0.0), ..Component::default() });
-            origins.push(mesh.positions()[vertex as usize]);
-        }
-        component_of[vertex as usize] = component_of[root as usize];
-        components[component_of[root as usize] as usize].vertices += 1;
+    let (component_of, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
+    let mut components = vec![Component { volume: Some(0.0), ..Component::default() }; count];
+    for (vertex, &number) in component_of.iter().enumerate().rev() {
+        let component = &mut components[number as usize];
+        component.first_vertex = vertex as u32;
+        component.vertices += 1;
     }
     for (t, corners) in mesh.triangles().iter().enumerate() {
-        let number = component_of[corners[0] as usize] as usize;
-        let component = &mut components[number];
+        let component = &mut components[component_of[corners[0] as usize] as usize];
         component.triangles += 1;
         component.area += 0.5 * mesh.area_normal(t).norm();
-        let [a, b, c] = mesh.corners(t).map(|p| p - origins[number]);
+        let origin = mesh.positions()[component.first_vertex as usize];
+        let [a, b, c] = mesh.corners(t).map(|p| p - origin);
         *component.volume.get_or_insert(0.0) += a.dot(&b.cross(&c));
     }
     for component in &mut components {
@@ -199,7 +187,7 @@ pub(super) fn components(mesh: &TriMesh) -> (Vec<u32>, Vec<Component>) {
 /// Number of corners with a negative cotangent, and of edges at which the cotangents of the opposite corners have a negative
 /// sum.
 pub(super) fn negative_cotangents(mesh: &TriMesh) -> (usize, usize) {
-    let origins: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
+    let origins = mesh.triangles().as_flattened();
     let cotangent = |h: u32| {
         let corners = mesh.corners(h as usize / 3);
         let tip = corners[HalfEdges::previous(h) as usize % 3];
@@ -207,7 +195,7 @@ pub(super) fn negative_cotangents(mesh: &TriMesh) -> (usize, usize) {
         u.dot(&v) / u.cross(&v).norm()
     };
     let obtuse = (0..origins.len() as u32).filter(|&h| cotangent(h) < 0.0).count();
-    let groups = crate::mesh::half_edges::edge_groups(&origins);
+    let groups = edge_groups(origins);
     let negative = groups.iter().filter(|edge| edge.iter().map(|&(_, h)| cotangent(h)).sum::<f64>() < 0.0).count();
     (obtuse, negative)
 }

@@ -104,11 +104,11 @@ impl Sheets<'_> {
     /// Bending cost of a pair at an edge, one plus the cosine of the angle between the triangles: 0 for coplanar continuation,
     /// 2 for overlapping triangles; lower for convex than for concave angles by [`CONVEX_BONUS`].
     fn bend(&self, g: u32, h: u32) -> f64 {
-        let place = |h: u32| self.soup.position(self.origin(h));
-        let (a, b) = (place(g), place(HalfEdges::next(g)));
+        let position = |h: u32| self.soup.position(self.origin(h));
+        let (a, b) = (position(g), position(HalfEdges::next(g)));
         let axis = (b - a).normalize();
         let outward = |h: u32| {
-            let arm = place(HalfEdges::previous(h)) - a;
+            let arm = position(HalfEdges::previous(h)) - a;
             (arm - axis * arm.dot(&axis)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
         };
         let (u, v) = (outward(g), outward(h));
@@ -124,7 +124,7 @@ impl Sheets<'_> {
         for seed in 0..seen.len() as u32 {
             if !std::mem::replace(&mut seen[seed as usize], true) {
                 let members = self.orient_like(seed, &mut seen);
-                self.turn_to_majority(&members);
+                self.reverse_to_majority(&members);
             }
         }
     }
@@ -169,7 +169,7 @@ impl Sheets<'_> {
     }
 
     /// Reverses the orientation of triangles.
-    fn turn(&mut self, members: &[u32]) {
+    fn reverse(&mut self, members: &[u32]) {
         for &t in members {
             self.flipped[t as usize] ^= true;
         }
@@ -177,14 +177,14 @@ impl Sheets<'_> {
 
     /// Reverses the component if most of its area was reversed, so that the larger part of the area keeps its input
     /// orientation.
-    fn turn_to_majority(&mut self, members: &[u32]) {
+    fn reverse_to_majority(&mut self, members: &[u32]) {
         let area = |t: &u32| {
             let [a, b, c] = self.soup.vertices(*t as usize).map(|v| self.soup.position(v));
             (b - a).cross(&(c - a)).norm()
         };
-        let turned: f64 = members.iter().filter(|&&t| self.flipped[t as usize]).map(area).sum();
-        if turned > 0.5 * members.iter().map(area).sum::<f64>() {
-            self.turn(members);
+        let reversed: f64 = members.iter().filter(|&&t| self.flipped[t as usize]).map(area).sum();
+        if reversed > 0.5 * members.iter().map(area).sum::<f64>() {
+            self.reverse(members);
         }
     }
 
@@ -198,11 +198,11 @@ impl Sheets<'_> {
             }
             let around = |other: &Shell| other.closed && other.volume > 0.0 && other.encloses(shell);
             if !(shell.as_given && shells.iter().any(around)) {
-                self.turn(&shell.members);
+                self.reverse(&shell.members);
             }
         }
-        let turned = (0..self.flipped.len()).filter(|&t| self.flipped[t]);
-        self.report.flipped = turned.map(|t| self.soup.corners[t][0] / 3).collect();
+        let reversed = (0..self.flipped.len()).filter(|&t| self.flipped[t]);
+        self.report.flipped = reversed.map(|t| self.soup.corners[t][0] / 3).collect();
     }
 
     /// Edge-connected components after the vertex splits.
@@ -232,7 +232,7 @@ impl Sheets<'_> {
     }
 
     /// The vertices of a triangle in its current orientation.
-    fn turned(&self, t: usize) -> [u32; 3] {
+    fn reversed(&self, t: usize) -> [u32; 3] {
         let [a, b, c] = self.soup.corners[t];
         if self.flipped[t] { [a, c, b] } else { [a, b, c] }
     }
@@ -330,7 +330,7 @@ impl Sheets<'_> {
             if self.flipped[t] { [a, c, b] } else { [a, b, c] }
         };
         let triangles = (0..soup.corners.len()).map(triangle).collect();
-        let source_corners = (0..soup.corners.len()).map(|t| self.turned(t)).collect();
+        let source_corners = (0..soup.corners.len()).map(|t| self.reversed(t)).collect();
         let mesh = TriMesh::new(positions, triangles).expect("positions and corners of a mesh");
         // Properties of the result.
         let (report, component_of_vertex) = describe(&mesh, self.report);
@@ -347,7 +347,7 @@ struct Shell {
     closed: bool,
     /// Whether some triangle keeps its orientation, and whether some was reversed.
     kept: bool,
-    turned: bool,
+    reversed: bool,
     /// Whether no triangle was reversed relative to another.
     as_given: bool,
     /// Six times the signed volume about `first`.
@@ -362,18 +362,18 @@ struct Shell {
 impl Shell {
     fn starting_at(first: Point3<f64>) -> Self {
         let (low, high, members) = (first, first, Vec::new());
-        Self { members, closed: true, kept: false, turned: false, as_given: true, volume: 0.0, first, low, high }
+        Self { members, closed: true, kept: false, reversed: false, as_given: true, volume: 0.0, first, low, high }
     }
 
     fn add(&mut self, sheets: &Sheets<'_>, t: usize, open: bool) {
         let corners = sheets.soup.vertices(t).map(|v| sheets.soup.position(v));
         let [a, b, c] = corners.map(|p| p - self.first);
-        let turned = sheets.flipped[t];
+        let reversed = sheets.flipped[t];
         self.members.push(t as u32);
         self.closed &= !open;
-        *(if turned { &mut self.turned } else { &mut self.kept }) = true;
-        self.as_given = !(self.turned && self.kept);
-        self.volume += a.dot(&b.cross(&c)) * if turned { -1.0 } else { 1.0 };
+        *(if reversed { &mut self.reversed } else { &mut self.kept }) = true;
+        self.as_given = !(self.reversed && self.kept);
+        self.volume += a.dot(&b.cross(&c)) * if reversed { -1.0 } else { 1.0 };
         for p in &corners {
             (self.low, self.high) = (self.low.inf(p), self.high.sup(p));
         }

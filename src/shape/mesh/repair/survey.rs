@@ -44,10 +44,10 @@ pub struct MeshFacts {
 impl MeshFacts {
     /// Surveys a mesh.
     pub fn of(mesh: &TriMesh) -> Self {
-        let origins: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
+        let origins = mesh.triangles().as_flattened();
         let mut facts = Self { vertices: mesh.vertex_count(), triangles: mesh.triangle_count(), ..Self::default() };
         // Edge statistics.
-        for edge in edge_groups(&origins).iter() {
+        for edge in edge_groups(origins).iter() {
             facts.edges += 1;
             match edge {
                 [_] => facts.boundary_edges += 1,

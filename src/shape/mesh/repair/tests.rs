@@ -28,8 +28,8 @@ fn check(source: &TriMesh, result: &Repaired, options: &RepairOptions) {
     for (t, corners) in result.source_corners.iter().enumerate() {
         for (k, &corner) in corners.iter().enumerate() {
             let given = source.triangles()[corner as usize / 3][corner as usize % 3];
-            let place = mesh.positions()[mesh.triangles()[t][k] as usize];
-            let far = (source.positions()[given as usize] - place).norm();
+            let corner = mesh.positions()[mesh.triangles()[t][k] as usize];
+            let far = (source.positions()[given as usize] - corner).norm();
             assert!(far <= 1e-6 * source.diagonal(), "corner {k} of triangle {t} is {far} away");
             assert!(result.vertex_of_source[given as usize].is_some());
         }
@@ -193,11 +193,11 @@ fn similar_meshes_are_repaired_alike() {
     let messy = messy();
     let report = fixed(&messy).report;
     assert!(!report.is_clean());
-    let turn = Rotation3::from_euler_angles(0.7, 0.2, -2.0);
+    let rotation = Rotation3::from_euler_angles(0.7, 0.2, -2.0);
     for (scale, shift) in [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e4)] {
         let moved = changed(&messy, |positions, _| {
             for p in positions.iter_mut() {
-                *p = turn * *p * scale + Vector3::new(shift, -2.0 * shift, shift);
+                *p = rotation * *p * scale + Vector3::new(shift, -2.0 * shift, shift);
             }
         });
         let other = fixed(&moved).report;

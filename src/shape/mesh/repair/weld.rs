@@ -66,8 +66,8 @@ fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind, r
         for offset in forward_offsets() {
             let near = std::array::from_fn(|k| cube[k].saturating_add(offset[k]));
             let Some(others) = inside.get(&near) else { continue };
-            let place = |&v: &u32| positions[v as usize];
-            let touch = |p: &u32| others.iter().any(|q| Vector3::norm(&(place(p) - place(q))) <= distance);
+            let position = |&v: &u32| positions[v as usize];
+            let touch = |p: &u32| others.iter().any(|q| Vector3::norm(&(position(p) - position(q))) <= distance);
             if vertices.iter().any(touch) {
                 joined.join(vertices[0], others[0]);
             }

@@ -91,7 +91,7 @@ impl March {
         let mut march = Self { low, cell, nodes, values: Vec::new(), crossings, positions, triangles };
         let value = |node: usize| {
             let border = (0..3).any(|k| march.along(node)[k] == 0 || march.along(node)[k] == nodes[k] - 1);
-            let value = f(&march.place(node));
+            let value = f(&march.position(node));
             if border { value.max(cell) } else { value }
         };
         march.values = (0..nodes.iter().product()).map(value).collect();
@@ -105,7 +105,7 @@ impl March {
     }
 
     /// Position of a node.
-    fn place(&self, node: usize) -> Point3<f64> {
+    fn position(&self, node: usize) -> Point3<f64> {
         self.low + Vector3::from(self.along(node).map(|i| i as f64)) * self.cell
     }
 
@@ -129,15 +129,15 @@ impl March {
     fn cut(&mut self, [a, b, c, d]: [usize; 4]) {
         let inside = [a, b, c, d].map(|node| self.values[node] < 0.0);
         // Even permutations, which keep the orientation, move the single corner on its side to the front.
-        let turn = [[a, b, c, d], [b, a, d, c], [c, d, a, b], [d, c, b, a]];
+        let even = [[a, b, c, d], [b, a, d, c], [c, d, a, b], [d, c, b, a]];
         match inside.iter().filter(|&&i| i).count() {
             1 => {
-                let [p, q, r, s] = turn[inside.iter().position(|&i| i).expect("one is inside")];
+                let [p, q, r, s] = even[inside.iter().position(|&i| i).expect("one is inside")];
                 let t = [self.crossing(p, q), self.crossing(p, r), self.crossing(p, s)];
                 self.triangles.push(t);
             }
             3 => {
-                let [p, q, r, s] = turn[inside.iter().position(|&i| !i).expect("one is outside")];
+                let [p, q, r, s] = even[inside.iter().position(|&i| !i).expect("one is outside")];
                 let t = [self.crossing(p, q), self.crossing(p, s), self.crossing(p, r)];
                 self.triangles.push(t);
             }
@@ -163,7 +163,7 @@ impl March {
             return vertex;
         }
         let t = (self.values[p] / (self.values[p] - self.values[q])).clamp(0.1, 0.9);
-        self.positions.push(self.place(p) + (self.place(q) - self.place(p)) * t);
+        self.positions.push(self.position(p) + (self.position(q) - self.position(p)) * t);
         let vertex = self.positions.len() as u32 - 1;
         self.crossings.insert((p, q), vertex);
         vertex

@@ -105,9 +105,9 @@ fn skins_targets_and_animations_are_read_as_they_stand() {
     let target = &moving.instances[0].targets[0];
     assert_eq!((target.name.as_deref(), target.weight, &target.vertices), (Some("smile"), 0.25, &vec![0, 3]));
     assert_eq!(target.offsets, [[0.0, 0.0, 1.0], [0.5, 0.0, 0.0]]);
-    let [turn, weight] = &moving.animations[0].channels[..] else { panic!("two channels") };
+    let [rotation, weight] = &moving.animations[0].channels[..] else { panic!("two channels") };
     assert_eq!(
-        (turn.property, turn.interpolation, &turn.times),
+        (rotation.property, rotation.interpolation, &rotation.times),
         (Property::Rotation, ChannelInterpolation::Linear, &vec![0.0, 0.5, 2.0])
     );
     assert_eq!(

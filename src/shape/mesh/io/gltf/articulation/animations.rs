@@ -1,8 +1,8 @@
 //! Animations: keyframes of node properties.
 
-use super::super::accessor::Values;
 use super::super::document::{self, Channel as Described, Sampler};
 use super::super::{fault, input::Input, item};
+use super::{INTERPOLATIONS, PROPERTIES};
 use crate::mesh::MeshError;
 use crate::mesh::model::articulation::{Animation, Articulation, Channel, ChannelInterpolation, Property};
 
@@ -36,13 +36,8 @@ fn channel_of(
 ) -> Result<Option<Channel>, MeshError> {
     // Sampler, property and node.
     let sampler = item(&animation.samplers, channel.sampler, at, "sampler")?;
-    let property = match channel.target.path.as_str() {
-        "translation" => Property::Translation,
-        "rotation" => Property::Rotation,
-        "scale" => Property::Scale,
-        "weights" => Property::Weights,
-        _ => return Ok(None),
-    };
+    let named = PROPERTIES.iter().find(|(_, path, _)| *path == channel.target.path);
+    let Some(&(property, _, kind)) = named else { return Ok(None) };
     let Some(node) = channel.target.node else { return Ok(None) };
     item(&tree.nodes, node, at, "node")?;
     let node = node as u32;
@@ -60,7 +55,7 @@ fn channel_of(
     // Keys: times and values, with matching counts and finite.
     let interpolation = interpolation(sampler, &at)?;
     let times = times(input, sampler)?;
-    let values = keys(input, sampler, property)?;
+    let values = input.values(sampler.output, &[kind])?;
     let needed = times.len() * interpolation.per_key() * width;
     if values.numbers.len() != needed {
         let told = format!("{} keys need {needed} numbers, and there are {}", times.len(), values.numbers.len());
@@ -74,24 +69,10 @@ fn channel_of(
 }
 
 fn interpolation(sampler: &Sampler, at: &str) -> Result<ChannelInterpolation, MeshError> {
-    Ok(match sampler.interpolation.as_deref() {
-        None | Some("LINEAR") => ChannelInterpolation::Linear,
-        Some("STEP") => ChannelInterpolation::Step,
-        Some("CUBICSPLINE") => ChannelInterpolation::CubicSpline,
-        Some(other) => {
-            let told = format!("{other:?} is no interpolation (LINEAR, STEP, CUBICSPLINE)");
-            return Err(fault(format!("{at}/interpolation"), told));
-        }
-    })
-}
-
-fn keys(input: &Input<'_>, sampler: &Sampler, property: Property) -> Result<Values, MeshError> {
-    let kind = match property {
-        Property::Rotation => "VEC4",
-        Property::Translation | Property::Scale => "VEC3",
-        Property::Weights => "SCALAR",
-    };
-    input.values(sampler.output, &[kind])
+    let name = sampler.interpolation.as_deref().unwrap_or("LINEAR");
+    let known = INTERPOLATIONS.iter().find(|(_, known)| *known == name).map(|(interpolation, _)| *interpolation);
+    let told = || format!("{name:?} is no interpolation (LINEAR, STEP, CUBICSPLINE)");
+    known.ok_or_else(|| fault(format!("{at}/interpolation"), told()))
 }
 
 /// Checks that times are finite, strictly increasing, and not empty.

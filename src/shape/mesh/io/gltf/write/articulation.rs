@@ -3,8 +3,9 @@
 use nalgebra::{Matrix4, Vector3};
 use serde_json::{Map, Value, json};
 
+use super::super::articulation::{INTERPOLATIONS, PROPERTIES};
 use super::parts::Part;
-use super::{File, Key};
+use super::{File, Key, named};
 use crate::mesh::model::articulation::{
     Articulation, Channel, ChannelInterpolation, Instance, MorphTarget, NodeTransform, Property,
 };
@@ -55,10 +56,10 @@ impl File<'_> {
 
     fn target(&mut self, target: &MorphTarget, part: &Part, keys: &[Key]) -> Value {
         let linear = part.from_model.fixed_view::<3, 3>(0, 0).into_owned();
-        let turn = |value: [f64; 3]| -> [f32; 3] { (linear * Vector3::from(value)).map(|x| x as f32).into() };
+        let transformed = |value: [f64; 3]| -> [f32; 3] { (linear * Vector3::from(value)).map(|x| x as f32).into() };
         let rows = |values: &[[f64; 3]]| -> Vec<[f32; 3]> {
             let value = |k: &Key| target.vertices.binary_search(&k[0]).ok().and_then(|at| values.get(at).copied());
-            keys.iter().map(|k| value(k).map_or([0.0; 3], turn)).collect()
+            keys.iter().map(|k| value(k).map_or([0.0; 3], transformed)).collect()
         };
         let offsets = rows(&target.offsets);
         let mut attributes = json!({ "POSITION": self.buffer.bounded(&offsets, "VEC3", Some(ARRAY_BUFFER)) });
@@ -74,9 +75,7 @@ impl File<'_> {
         // Nodes and their hierarchy.
         self.nodes = articulation.nodes.iter().map(|node| transform(&node.transform)).collect();
         for (k, node) in articulation.nodes.iter().enumerate() {
-            if let Some(name) = node.name.as_ref().filter(|name| !name.is_empty()) {
-                self.nodes[k]["name"] = json!(name);
-            }
+            named(&mut self.nodes[k], node.name.as_deref());
             if let Some(extras) = &node.extras {
                 self.nodes[k]["extras"] = extras.clone();
             }
@@ -103,9 +102,7 @@ impl File<'_> {
                 skin.inverse_binds.iter().map(|m| std::array::from_fn(|k| m.as_slice()[k] as f32)).collect();
             let mut written =
                 json!({ "joints": skin.joints, "inverseBindMatrices": self.buffer.floats(&columns, "MAT4", None) });
-            if let Some(name) = skin.name.as_ref().filter(|name| !name.is_empty()) {
-                written["name"] = json!(name);
-            }
+            named(&mut written, skin.name.as_deref());
             self.skins.push(written);
         }
         self.roots = articulation.roots.iter().map(|&root| root as usize).collect();
@@ -129,17 +126,17 @@ impl File<'_> {
                     known.push((&channel.times, input));
                     input
                 };
-                let (property, interpolation) = names(channel);
-                let output = self.values(channel);
-                channels
-                    .push(json!({ "sampler": samplers.len(), "target": { "node": channel.node, "path": property } }));
+                let property = PROPERTIES.iter().find(|(property, ..)| *property == channel.property);
+                let &(_, path, kind) = property.expect("every property is listed");
+                let interpolation = INTERPOLATIONS.iter().find(|(known, _)| *known == channel.interpolation);
+                let (_, interpolation) = interpolation.expect("every interpolation is listed");
+                let output = self.values(channel, kind);
+                channels.push(json!({ "sampler": samplers.len(), "target": { "node": channel.node, "path": path } }));
                 samplers.push(json!({ "input": input, "output": output, "interpolation": interpolation }));
             }
             if !channels.is_empty() {
                 let mut written = json!({ "channels": channels, "samplers": samplers });
-                if let Some(name) = animation.name.as_ref().filter(|name| !name.is_empty()) {
-                    written["name"] = json!(name);
-                }
+                named(&mut written, animation.name.as_deref());
                 self.animations.push(written);
             }
         }
@@ -156,27 +153,20 @@ impl File<'_> {
         self.buffer.bounded(&times, "SCALAR", None)
     }
 
-    fn values(&mut self, channel: &Channel) -> usize {
-        let rows = |width: usize| channel.values.chunks_exact(width);
-        match channel.property {
-            Property::Rotation => {
-                let unit = channel.interpolation != ChannelInterpolation::CubicSpline;
-                let row = |q: &[f64]| -> [f32; 4] {
-                    let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-                    let by = if unit && norm > 0.0 { norm } else { 1.0 };
-                    std::array::from_fn(|k| (q[k] / by) as f32)
-                };
-                let values: Vec<_> = rows(4).map(row).collect();
-                self.buffer.floats(&values, "VEC4", None)
+    fn values(&mut self, channel: &Channel, kind: &str) -> usize {
+        let mut values = channel.values.clone();
+        // With cubic splines two of three are tangents.
+        if channel.property == Property::Rotation && channel.interpolation != ChannelInterpolation::CubicSpline {
+            for rotation in values.as_chunks_mut::<4>().0 {
+                let norm = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
+                *rotation = rotation.map(|x| if norm > 0.0 { x / norm } else { x });
             }
-            Property::Translation | Property::Scale => {
-                let values: Vec<[f32; 3]> = rows(3).map(|v| std::array::from_fn(|k| v[k] as f32)).collect();
-                self.buffer.floats(&values, "VEC3", None)
-            }
-            Property::Weights => {
-                let values: Vec<[f32; 1]> = channel.values.iter().map(|&v| [v as f32]).collect();
-                self.buffer.floats(&values, "SCALAR", None)
-            }
+        }
+        let values: Vec<f32> = values.iter().map(|&x| x as f32).collect();
+        match kind {
+            "VEC4" => self.buffer.floats(values.as_chunks::<4>().0, kind, None),
+            "VEC3" => self.buffer.floats(values.as_chunks::<3>().0, kind, None),
+            _ => self.buffer.floats(values.as_chunks::<1>().0, kind, None),
         }
     }
 }
@@ -230,19 +220,4 @@ fn morphed(mesh: &mut Value, instance: &Instance) {
         let names: Vec<_> = instance.targets.iter().map(|t| t.name.clone().unwrap_or_default()).collect();
         mesh["extras"] = json!({ "targetNames": names });
     }
-}
-
-fn names(channel: &Channel) -> (&'static str, &'static str) {
-    let property = match channel.property {
-        Property::Translation => "translation",
-        Property::Rotation => "rotation",
-        Property::Scale => "scale",
-        Property::Weights => "weights",
-    };
-    let interpolation = match channel.interpolation {
-        ChannelInterpolation::Step => "STEP",
-        ChannelInterpolation::Linear => "LINEAR",
-        ChannelInterpolation::CubicSpline => "CUBICSPLINE",
-    };
-    (property, interpolation)
 }

@@ -38,6 +38,13 @@ pub(in crate::mesh::io) fn write(model: &Model, binary: bool, out: &mut impl Wri
     if binary { Ok(()) } else { out.write_all(b"\n") }
 }
 
+/// Names an item, unless the name is empty.
+fn named(item: &mut Value, name: Option<&str>) {
+    if let Some(name) = name.filter(|name| !name.is_empty()) {
+        item["name"] = json!(name);
+    }
+}
+
 struct File<'a> {
     model: &'a Model,
     buffer: GltfBuffer,
@@ -95,18 +102,14 @@ impl<'a> File<'a> {
         let attributes = self.attributes(part, &keys);
         let targets = self.targets(part, &keys);
         let mut mesh = json!({ "primitives": self.primitives(part, &keys, &attributes, &targets) });
-        if !part.mesh.is_empty() {
-            mesh["name"] = json!(part.mesh);
-        }
+        named(&mut mesh, Some(&part.mesh));
         if mesh["primitives"].as_array().is_none_or(Vec::is_empty) {
             return None;
         }
         self.meshes.push(mesh);
         if part.instance.is_none() {
             let mut node = json!({ "mesh": self.meshes.len() - 1 });
-            if !part.name.is_empty() {
-                node["name"] = json!(part.name);
-            }
+            named(&mut node, Some(&part.name));
             let origin = origin(self.model);
             if origin != Vector3::zeros() {
                 node["translation"] = json!(origin.as_slice());
