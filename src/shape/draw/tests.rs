@@ -36,8 +36,8 @@ const PLAIN: Style = Style {
 /// Columns and rows that are not background.
 fn box_of_ink(canvas: &Canvas) -> Option<[usize; 4]> {
     let inked = |(i, p): (usize, &Rgb)| (*p != [0; 3]).then_some((i % canvas.width(), i / canvas.width()));
-    let places: Vec<_> = canvas.pixels().iter().enumerate().filter_map(inked).collect();
-    let (x, y) = (places.iter().map(|p| p.0), places.iter().map(|p| p.1));
+    let pixels: Vec<_> = canvas.pixels().iter().enumerate().filter_map(inked).collect();
+    let (x, y) = (pixels.iter().map(|p| p.0), pixels.iter().map(|p| p.1));
     Some([x.clone().min()?, x.max()?, y.clone().min()?, y.max()?])
 }
 

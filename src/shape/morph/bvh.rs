@@ -108,8 +108,8 @@ mod tests {
             let sampled = everywhere.fold(f64::MAX, f64::min);
             assert!(wanted(found.triangle) && found.squared <= sampled + 1e-12, "{} {sampled}", found.squared);
             let corners = mesh.corners(found.triangle as usize);
-            let place: Vector3<f64> = corners.iter().zip(found.weights).map(|(p, w)| p.coords * w).sum();
-            assert!((place - found.point.coords).norm() < 1e-12 && found.weights.iter().all(|w| *w >= -1e-15));
+            let point: Vector3<f64> = corners.iter().zip(found.weights).map(|(p, w)| p.coords * w).sum();
+            assert!((point - found.point.coords).norm() < 1e-12 && found.weights.iter().all(|w| *w >= -1e-15));
             assert!(((found.point - p).norm_squared() - found.squared).abs() < 1e-15);
         }
         assert!(bvh.nearest(&low, |_| false).is_none());

@@ -134,9 +134,9 @@ mod tests {
 
     #[test]
     fn similarities_are_recovered() {
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -2.0, 1.1));
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -2.0, 1.1));
         for (scale, offset) in [(1.0, 0.0), (3.5, 1e4), (0.01, -2.0)] {
-            let map = Similarity3::from_parts(Translation3::new(offset, 2.0, -offset), turn, scale);
+            let map = Similarity3::from_parts(Translation3::new(offset, 2.0, -offset), rotation, scale);
             let to: Vec<_> = cloud().iter().map(|p| map * p).collect();
             let (found, rank) = nearest_similarity(&cloud(), &to, &[1.0; 20], true);
             assert_eq!(rank, 3);
@@ -157,19 +157,19 @@ mod tests {
 
     #[test]
     fn a_rotation_about_any_axis_is_a_circular_path_about_it() {
-        for turn in [170.0, 270.0, 1e-7, 350.0_f64] {
+        for degrees in [170.0, 270.0, 1e-7, 350.0_f64] {
             let (axis, pivot) = (Vector3::new(1.0, 2.0, -0.5).normalize(), Point3::new(3.0, -4.0, 5.0));
             let turned = |s: f64, p: &Point3<f64>| {
-                pivot + UnitQuaternion::from_scaled_axis(axis * (s * turn.to_radians())) * (p - pivot)
+                pivot + UnitQuaternion::from_scaled_axis(axis * (s * degrees.to_radians())) * (p - pivot)
             };
             let from = Point3::new(0.2, 0.1, 0.4);
-            let screw = Screw::new(axis * turn.to_radians(), from, turned(1.0, &from));
+            let screw = Screw::new(axis * degrees.to_radians(), from, turned(1.0, &from));
             for (k, p) in cloud().iter().enumerate() {
                 assert!((screw.inverse(&screw.at(1.0, p)) - p).norm() < 1e-12);
                 // Close to full turns the path is straight.
-                if turn < 340.0 {
+                if degrees < 340.0 {
                     let s = k as f64 / 19.0;
-                    assert!((screw.at(s, p) - turned(s, p)).norm() < 1e-8, "{turn}, {s}");
+                    assert!((screw.at(s, p) - turned(s, p)).norm() < 1e-8, "{degrees}, {s}");
                 }
             }
         }

@@ -4,7 +4,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::components::{FIXED, Held};
+use super::components::{FIXED, Unknowns};
 use super::lanes::Lanes;
 use super::{
     DeformOptions, DeformReport, Deformation, DistortionMetrics, HandlePose, Handles, InitialGuess, Stop, SurfaceError,
@@ -15,7 +15,7 @@ use crate::mesh::TriMesh;
 #[derive(Debug)]
 pub(super) struct Bound {
     pub(super) rest: Vec<Lanes>,
-    pub(super) held: Held,
+    pub(super) unknowns: Unknowns,
     pub(super) metrics: DistortionMetrics,
     center: Vector3<f64>,
 }
@@ -35,10 +35,10 @@ pub(super) enum Guess<T> {
 
 impl Bound {
     pub(super) fn new(mesh: &TriMesh, handles: &Handles, options: &DeformOptions) -> Result<Self, SurfaceError> {
-        let held = Held::new(mesh, handles, options.unconstrained)?;
+        let unknowns = Unknowns::new(mesh, handles, options.unconstrained)?;
         let center = mesh.bounding_box().map_or(Vector3::zeros(), |(low, high)| nalgebra::center(&low, &high).coords);
         let rest = mesh.positions().iter().map(|p| Lanes::point((p.coords - center).into())).collect();
-        Ok(Self { rest, held, metrics: DistortionMetrics::new(mesh), center })
+        Ok(Self { rest, unknowns, metrics: DistortionMetrics::new(mesh), center })
     }
 
     /// A position relative to the center.
@@ -48,7 +48,7 @@ impl Bound {
 
     /// The checked targets of a pose.
     pub(super) fn targets(&self, pose: &HandlePose) -> Result<Vec<Lanes>, SurfaceError> {
-        pose.check(&self.held.handles)?;
+        pose.check(&self.unknowns.handles)?;
         Ok(pose.positions().iter().map(|p| self.centered(p)).collect())
     }
 
@@ -110,20 +110,20 @@ impl Bound {
             shape: self.metrics.measure(&positions),
             negative_weights,
             degenerate_faces,
-            fixed_components: self.held.unconstrained.clone(),
+            fixed_components: self.unknowns.unconstrained.clone(),
         };
         Deformation { positions, report }
     }
 
     /// Sets vertices with hard constraints to their targets, and those of unconstrained components to their rest positions.
     pub(super) fn impose(&self, targets: &[Lanes], x: &mut [Lanes]) {
-        for (v, &unknown) in self.held.unknown.iter().enumerate() {
+        for (v, &unknown) in self.unknowns.unknown.iter().enumerate() {
             if unknown == FIXED {
                 x[v] = self.rest[v];
             }
         }
-        for (&v, &target) in self.held.handles.vertices().iter().zip(targets) {
-            if self.held.unknown[v as usize] == FIXED {
+        for (&v, &target) in self.unknowns.handles.vertices().iter().zip(targets) {
+            if self.unknowns.unknown[v as usize] == FIXED {
                 x[v as usize] = target;
             }
         }
@@ -132,21 +132,21 @@ impl Bound {
     /// Whether each vertex is in a component without a handle.
     pub(super) fn unconstrained(&self) -> Vec<bool> {
         let mut constrained = vec![false; self.rest.len()];
-        let component = &self.held.component;
-        self.held.handles.vertices().iter().for_each(|&v| constrained[component[v as usize] as usize] = true);
+        let component = &self.unknowns.component;
+        self.unknowns.handles.vertices().iter().for_each(|&v| constrained[component[v as usize] as usize] = true);
         component.iter().map(|&c| !constrained[c as usize]).collect()
     }
 
     /// Positions in mesh coordinates. Hard constraints hold to the last bit.
     fn outer(&self, x: &[Lanes], pose: &HandlePose) -> Vec<Point3<f64>> {
         let rest = self.metrics.rest().positions();
-        let position = |(v, x): (usize, &Lanes)| match self.held.unknown[v] {
+        let position = |(v, x): (usize, &Lanes)| match self.unknowns.unknown[v] {
             FIXED => rest[v],
             _ => Point3::from(Vector3::from(x.xyz()) + self.center),
         };
         let mut positions: Vec<Point3<f64>> = x.iter().enumerate().map(position).collect();
-        for (&v, target) in self.held.handles.vertices().iter().zip(pose.positions()) {
-            if self.held.unknown[v as usize] == FIXED {
+        for (&v, target) in self.unknowns.handles.vertices().iter().zip(pose.positions()) {
+            if self.unknowns.unknown[v as usize] == FIXED {
                 positions[v as usize] = *target;
             }
         }
@@ -155,7 +155,7 @@ impl Bound {
 
     /// Largest distance of a constrained vertex from its target.
     fn constraint_error(&self, positions: &[Point3<f64>], pose: &HandlePose) -> f64 {
-        let handles = self.held.handles.vertices().iter().zip(pose.positions());
+        let handles = self.unknowns.handles.vertices().iter().zip(pose.positions());
         handles.map(|(&v, t)| (positions[v as usize] - t).norm()).fold(0.0, f64::max)
     }
 }

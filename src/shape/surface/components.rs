@@ -30,7 +30,7 @@ pub struct Component {
 
 /// The partition of the vertices into unknowns and fixed ones.
 #[derive(Clone, Debug)]
-pub(super) struct Held {
+pub(super) struct Unknowns {
     pub(super) handles: Handles,
     /// Vertices of the unknowns, ascending.
     pub(super) free: Vec<u32>,
@@ -44,7 +44,7 @@ pub(super) struct Held {
     pub(super) component: Vec<u32>,
 }
 
-impl Held {
+impl Unknowns {
     pub(super) fn new(mesh: &TriMesh, handles: &Handles, policy: Unconstrained) -> Result<Self, SurfaceError> {
         let vertices = mesh.vertex_count();
         if let Some(&vertex) = handles.vertices().iter().find(|&&v| v as usize >= vertices) {

@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::bound::Bound;
-use super::held_laplacian::HeldLaplacian;
+use super::handle_laplacian::HandleLaplacian;
 use super::lanes::Lanes;
 use super::{DeformOptions, Deformation, HandlePose, Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
@@ -52,7 +52,7 @@ pub struct DetailPreserving {
     /// `1 / mᵢ`.
     inverse_mass: Vec<f64>,
     delta: Vec<Lanes>,
-    system: HeldLaplacian,
+    system: HandleLaplacian,
 }
 
 impl DetailPreserving {
@@ -75,7 +75,7 @@ impl DetailPreserving {
             }
         };
         let delta = laplacian(&weights, &bound.rest);
-        let system = HeldLaplacian::new(&weights.squared(&inverse_mass), 1.0, &bound.held, run)?;
+        let system = HandleLaplacian::new(&weights.squared(&inverse_mass), 1.0, &bound.unknowns, run)?;
         Ok(Self { bound, weights, degenerate: cotangents.degenerate(), inverse_mass, delta, system })
     }
 
@@ -118,18 +118,18 @@ impl DetailPreserving {
         self.bound.impose(targets, &mut x);
         let rotated = |(v, d): (usize, &Lanes)| Lanes::point((transform(v) * Vector3::from(d.xyz())).into());
         let delta: Vec<Lanes> = self.delta.iter().enumerate().map(rotated).collect();
-        let mut step = vec![Lanes::ZERO; self.bound.held.free.len()];
+        let mut step = vec![Lanes::ZERO; self.bound.unknowns.free.len()];
         // The second pass is the iterative refinement.
         for _ in 0..2 {
             run.check()?;
             let residual = self.residual(&delta, &x);
             let slope = laplacian(&self.weights, &residual);
-            for (step, &v) in step.iter_mut().zip(&self.bound.held.free) {
+            for (step, &v) in step.iter_mut().zip(&self.bound.unknowns.free) {
                 *step = slope[v as usize];
             }
             self.system.add_soft(&x, targets, &mut step);
             self.system.solve_unknowns(&mut step);
-            for (step, &v) in step.iter().zip(&self.bound.held.free) {
+            for (step, &v) in step.iter().zip(&self.bound.unknowns.free) {
                 x[v as usize] -= *step;
             }
         }

@@ -20,7 +20,7 @@ use super::arap::{CellKind, Cells};
 use super::bound::Guess;
 use super::deformer::{DeformSolver, Request};
 use super::detail_preserving::DetailPreserving;
-use super::held_laplacian::HeldLaplacian;
+use super::handle_laplacian::HandleLaplacian;
 use super::lanes::Lanes;
 use super::similarity::SimilarityEditing;
 use super::spread::{Patches, overall_rotation};
@@ -59,7 +59,7 @@ pub(super) struct LaplacianEditing {
 
 #[derive(Debug)]
 enum Rotations {
-    Spread(Patches, HeldLaplacian),
+    Spread(Patches, HandleLaplacian),
     Fitted { cells: Cells, iterate: bool },
     Linear(SimilarityEditing),
 }
@@ -84,7 +84,7 @@ impl LaplacianEditing {
         };
         let rotations = match options.rotation_estimation {
             RotationEstimation::Spread => {
-                let system = HeldLaplacian::new(&details.weights, 1.0, &details.bound.held, run)?;
+                let system = HandleLaplacian::new(&details.weights, 1.0, &details.bound.unknowns, run)?;
                 Rotations::Spread(Patches::new(&details.bound), system)
             }
             RotationEstimation::FirstSolve => fitted(false),

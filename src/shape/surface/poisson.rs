@@ -37,7 +37,7 @@ impl Poisson {
     ) -> Result<Self, SurfaceError> {
         let bound = Bound::new(mesh, handles, options)?;
         let cotangents = Cotangents::new(mesh, options.cotangents);
-        let elastic = Elastic::new(CellKind::Elements, &bound.rest, cotangents, &bound.held, 1.0, run)?;
+        let elastic = Elastic::new(CellKind::Elements, &bound.rest, cotangents, &bound.unknowns, 1.0, run)?;
         Ok(Self { patches: Patches::new(&bound), bound, elastic })
     }
 }

@@ -53,13 +53,13 @@ impl SimilarityEditing {
         }
         let delta = laplacian(&details.weights, &bound.rest);
         let rows: Vec<Row> = (0..ring.len()).map(|i| row(i, &ring[i], &bound.rest, delta[i])).collect();
-        let unknown = |v: u32| bound.held.unknown[v as usize];
+        let unknown = |v: u32| bound.unknowns.unknown[v as usize];
         let pairs = rows.iter().flat_map(|row| row.iter().flat_map(move |a| row.iter().map(move |b| (a.0, b.0))));
         let entries = pairs
             .map(|(a, b)| (unknown(a), unknown(b)))
             .filter(|&(a, b)| a != FIXED && b != FIXED && a >= b)
             .flat_map(|(a, b)| (0..9).map(move |k| (3 * a as usize + k / 3, 3 * b as usize + k % 3)));
-        let pattern = Arc::new(Pattern::new(3 * bound.held.free.len(), entries)?);
+        let pattern = Arc::new(Pattern::new(3 * bound.unknowns.free.len(), entries)?);
         let mut matrix = SparseMatrix::zeros(Arc::clone(&pattern));
         for (row, &w) in rows.iter().zip(&weights) {
             for (a, ja) in row {
@@ -93,8 +93,8 @@ impl SimilarityEditing {
                 }
             }
         }
-        for &(k, weight) in &bound.held.soft {
-            let unknown = unknown(bound.held.handles.vertices()[k]) as usize;
+        for &(k, weight) in &bound.unknowns.soft {
+            let unknown = unknown(bound.unknowns.handles.vertices()[k]) as usize;
             for c in 0..3 {
                 matrix.values_mut()[pattern.column_starts()[3 * unknown + c] as usize] += weight;
             }
@@ -133,14 +133,14 @@ impl SimilarityEditing {
                 slope[i] += change;
                 slope[j] -= change;
             }
-            for &(k, weight) in &bound.held.soft {
-                let v = bound.held.handles.vertices()[k] as usize;
+            for &(k, weight) in &bound.unknowns.soft {
+                let v = bound.unknowns.handles.vertices()[k] as usize;
                 slope[v] += Vector3::from((x[v] - targets[k]).xyz()) * weight;
             }
             let mut step: Vec<f64> =
-                bound.held.free.iter().flat_map(|&v| <[f64; 3]>::from(slope[v as usize])).collect();
+                bound.unknowns.free.iter().flat_map(|&v| <[f64; 3]>::from(slope[v as usize])).collect();
             self.factor.solve(&mut step);
-            for (step, &v) in step.as_chunks().0.iter().zip(&bound.held.free) {
+            for (step, &v) in step.as_chunks().0.iter().zip(&bound.unknowns.free) {
                 x[v as usize] -= Lanes::point(*step);
             }
         }

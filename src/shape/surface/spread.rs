@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::HandlePose;
 use super::bound::Bound;
-use super::held_laplacian::HeldLaplacian;
+use super::handle_laplacian::HandleLaplacian;
 use super::lanes::Lanes;
 use super::rotation_fit::best_rotation;
 use plumbline_num::spatial::numbered_components;
@@ -34,7 +34,7 @@ pub(super) struct Patches {
 
 impl Patches {
     pub(super) fn new(bound: &Bound) -> Self {
-        let handles = bound.held.handles.vertices();
+        let handles = bound.unknowns.handles.vertices();
         let mut edges = Vec::new();
         let mut number = vec![usize::MAX; bound.rest.len()];
         handles.iter().enumerate().for_each(|(k, &v)| number[v as usize] = k);
@@ -50,7 +50,7 @@ impl Patches {
         let patch: Vec<usize> = patch.into_iter().map(|p| p as usize).collect();
         let (mut component, mut size) = (vec![0; count], vec![0; count]);
         for (&p, &v) in patch.iter().zip(handles) {
-            component[p] = bound.held.component[v as usize];
+            component[p] = bound.unknowns.component[v as usize];
             size[p] += 1;
         }
         Self { patch, component, size }
@@ -60,7 +60,7 @@ impl Patches {
     pub(super) fn rotations(
         &self,
         bound: &Bound,
-        system: &mut HeldLaplacian,
+        system: &mut HandleLaplacian,
         pose: &HandlePose,
         targets: &[Lanes],
     ) -> Vec<UnitQuaternion<f64>> {
@@ -88,7 +88,7 @@ impl Patches {
     fn interpolated(
         &self,
         bound: &Bound,
-        system: &mut HeldLaplacian,
+        system: &mut HandleLaplacian,
         rotations: &[UnitQuaternion<f64>],
     ) -> Vec<UnitQuaternion<f64>> {
         let reference = self.references(bound, rotations);
@@ -100,7 +100,7 @@ impl Patches {
             .collect();
         let mut field = vec![Lanes::ZERO; bound.rest.len()];
         if logs.iter().any(|&u| u != Lanes::ZERO) {
-            for (&v, &u) in bound.held.handles.vertices().iter().zip(&logs) {
+            for (&v, &u) in bound.unknowns.handles.vertices().iter().zip(&logs) {
                 field[v as usize] = u;
             }
             let zero = vec![Lanes::ZERO; bound.rest.len()];
@@ -110,7 +110,7 @@ impl Patches {
         let rotation = |(u, &component): (&Lanes, &u32)| {
             reference[component as usize] * UnitQuaternion::from_scaled_axis(Vector3::from(u.xyz()))
         };
-        field.iter().zip(&bound.held.component).map(rotation).collect()
+        field.iter().zip(&bound.unknowns.component).map(rotation).collect()
     }
 
     /// Rotation of the largest patch of each component, indexed by the component's lowest vertex.
@@ -147,7 +147,7 @@ fn procrustes(
     group_of: impl Fn(usize) -> usize,
     last: impl Fn(usize) -> UnitQuaternion<f64>,
 ) -> Vec<UnitQuaternion<f64>> {
-    let vertices = bound.held.handles.vertices();
+    let vertices = bound.unknowns.handles.vertices();
     let points = |k: usize| (Vector3::from(bound.rest[vertices[k] as usize].xyz()), Vector3::from(targets[k].xyz()));
     let mut sums = vec![(0.0, Vector3::zeros(), Vector3::zeros()); groups];
     for k in 0..vertices.len() {

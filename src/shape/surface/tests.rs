@@ -48,10 +48,10 @@ fn solve(
 /// The left end of a tube stays, the right one is moved by an isometry.
 fn ends(mesh: &TriMesh, motion: &Isometry3<f64>) -> (Handles, Vec<Point3<f64>>) {
     let end = |v: &u32| !(0.15..1.85).contains(&mesh.positions()[*v as usize].x);
-    let held: Vec<u32> = (0..mesh.vertex_count() as u32).filter(end).collect();
-    let place = |p: Point3<f64>| if p.x < 1.0 { p } else { motion * p };
-    let targets = held.iter().map(|&v| place(mesh.positions()[v as usize])).collect();
-    (Handles::exact(held).unwrap(), targets)
+    let fixed: Vec<u32> = (0..mesh.vertex_count() as u32).filter(end).collect();
+    let target = |p: Point3<f64>| if p.x < 1.0 { p } else { motion * p };
+    let targets = fixed.iter().map(|&v| target(mesh.positions()[v as usize])).collect();
+    (Handles::exact(fixed).unwrap(), targets)
 }
 
 #[test]
@@ -176,16 +176,16 @@ fn poisson_editing_reproduces_integrable_gradients() {
 #[test]
 fn details_follow_the_given_transforms() {
     let mesh = sheet(12);
-    let turn = Rotation3::new(Vector3::new(0.3, 1.0, -0.4));
+    let rotation = Rotation3::new(Vector3::new(0.3, 1.0, -0.4));
     for laplacian in [LaplacianKind::Cotangent, LaplacianKind::Uniform] {
         let options = DeformOptions { laplacian, ..Default::default() };
         let handles = Handles::exact([0]).unwrap();
         let mut details = DetailPreserving::new(&mesh, &handles, &options, &Run::default()).unwrap();
         let pose = HandlePose::new(vec![Point3::new(1.0, 2.0, 3.0)]);
         // A similarity of the whole surface.
-        let done = details.solve(&[turn.matrix() * 2.0; 144], &pose, &Run::default()).unwrap();
+        let done = details.solve(&[rotation.matrix() * 2.0; 144], &pose, &Run::default()).unwrap();
         for (p, x) in mesh.positions().iter().zip(&done.positions) {
-            let expected = pose.positions()[0] + turn * (p - mesh.positions()[0]) * 2.0;
+            let expected = pose.positions()[0] + rotation * (p - mesh.positions()[0]) * 2.0;
             assert!((expected - x).norm() < 1e-9, "{laplacian:?}");
         }
         assert!(done.report.energies[0] < 1e-18);

@@ -140,7 +140,8 @@ impl SeamFile {
 impl CutEntry {
     fn cut(&self, mesh: &TriMesh, which: &'static str) -> Result<Cut, MorphError> {
         let line = |entry: &LineEntry| {
-            let vertex = |(k, place): (usize, &VertexRef)| place.vertex(mesh, which, &format!("seam vertex {k}"));
+            let vertex =
+                |(k, reference): (usize, &VertexRef)| reference.vertex(mesh, which, &format!("seam vertex {k}"));
             let vertices: Result<Vec<u32>, MorphError> = entry.vertices.iter().enumerate().map(vertex).collect();
             Ok::<_, MorphError>((vertices?, entry.keep.vertex(mesh, which, "keep")?))
         };

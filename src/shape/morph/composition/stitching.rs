@@ -205,19 +205,19 @@ mod tests {
     #[test]
     fn nearly_symmetric_curves_are_not_rotated_and_exact_fits_are() {
         // Ovals, blunter to one side; the second is reversed.
-        let oval = |blunt: f64, turn: f64, sign: f64| {
+        let oval = |blunt: f64, rotation: f64, sign: f64| {
             let point = |k: usize| {
                 let (sine, cosine) = (sign * k as f64 / 40.0 * std::f64::consts::TAU).sin_cos();
                 let p = Point3::new(2.0 * cosine, (1.0 + blunt * cosine) * sine, 0.0);
-                nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), turn) * p
+                nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::z_axis(), rotation) * p
             };
             ArcLengthCurve::new((0..40).map(point).collect())
         };
         let turned =
             |second: &ArcLengthCurve| curve_similarity(&oval(0.15, 0.0, 1.0), second).isometry.rotation.angle();
         assert!(turned(&oval(-0.05, 0.0, -1.0)) < 0.3);
-        for turn in [0.5, 3.0] {
-            assert!((turned(&oval(0.15, turn, -1.0)) - turn).abs() < 0.03, "{turn}");
+        for rotation in [0.5, 3.0] {
+            assert!((turned(&oval(0.15, rotation, -1.0)) - rotation).abs() < 0.03, "{rotation}");
         }
     }
 
@@ -242,11 +242,11 @@ mod tests {
             assert_eq!(seconds.windows(2).filter(|w| (w[0] + m - 1) % m != w[1]).count(), 0, "{seconds:?}");
             seconds.sort_unstable();
             assert_eq!(seconds, (0..m).collect::<Vec<_>>());
-            let place = |of: &ArcLengthCurve, on: CurvePoint| match on {
+            let point = |of: &ArcLengthCurve, on: CurvePoint| match on {
                 CurvePoint::Vertex(k) => of.points[k],
                 CurvePoint::Edge(k, s) => of.points[k] + (of.points[(k + 1) % of.points.len()] - of.points[k]) * s,
             };
-            let apart = pairs.iter().map(|p| (place(&first, p.0) - place(&second, p.1)).norm()).fold(0.0, f64::max);
+            let apart = pairs.iter().map(|p| (point(&first, p.0) - point(&second, p.1)).norm()).fold(0.0, f64::max);
             assert!(apart < 0.75 && (m < 12 || apart < 0.5), "{n} {m}: {apart}");
         }
         assert_eq!(matched_points(&ring(12, 1.0, 0.0, false), &ring(12, 1.0, 0.0, true)).len(), 12);

@@ -116,9 +116,9 @@ impl Transition<'_> {
                 triplets.extend(with);
             }
         }
-        let places = free.iter().map(|&v| now.positions()[v].coords.into()).collect();
+        let points = free.iter().map(|&v| now.positions()[v].coords.into()).collect();
         let matrix = SparseMatrix::from_triplets(free.len(), &triplets)?;
-        CompactFactor::of(&matrix, &Ordering::NestedDissection(places), run)?.solve_points(&mut rhs);
+        CompactFactor::of(&matrix, &Ordering::NestedDissection(points), run)?.solve_points(&mut rhs);
         let mut moved = now.positions().to_vec();
         free.iter().zip(&rhs).for_each(|(&v, step)| moved[v] += Vector3::from(*step));
         Ok(moved)

@@ -196,9 +196,9 @@ impl<'m> Disk<'m> {
         let from = self.at[v];
         let mut step = 1.0;
         while step >= MIN_STEP {
-            let place = if step < 1.0 { from + (to - from) * step } else { *to };
-            if self.is_valid(v, &place) {
-                self.at[v] = place;
+            let position = if step < 1.0 { from + (to - from) * step } else { *to };
+            if self.is_valid(v, &position) {
+                self.at[v] = position;
                 return step >= 1.0;
             }
             step *= 0.5;
@@ -206,12 +206,12 @@ impl<'m> Disk<'m> {
         false
     }
 
-    /// Whether no triangle around a vertex is inverted with the vertex at `place`.
-    fn is_valid(&self, v: usize, place: &Vector2<f64>) -> bool {
+    /// Whether no triangle around a vertex is inverted with the vertex at `position`.
+    fn is_valid(&self, v: usize, position: &Vector2<f64>) -> bool {
         let ring = &self.rings[v];
         (0..ring.len()).all(|k| {
             let (p, q) = (self.at[ring[k] as usize], self.at[ring[(k + 1) % ring.len()] as usize]);
-            (q - p).perp(&(place - p)) > 1e-9 * (q - p).norm_squared()
+            (q - p).perp(&(position - p)) > 1e-9 * (q - p).norm_squared()
         })
     }
 
@@ -323,8 +323,8 @@ mod tests {
     /// A plane sheared so that nearly all edges have negative cotangent weights or none.
     fn sheared(by: f64) -> TriMesh {
         let plane = shapes::plane(7);
-        let place = |p: &Point3<f64>| Point3::new(p.x + by * p.y, p.y, 0.0);
-        plane.with_positions(plane.positions().iter().map(place).collect()).unwrap()
+        let position = |p: &Point3<f64>| Point3::new(p.x + by * p.y, p.y, 0.0);
+        plane.with_positions(plane.positions().iter().map(position).collect()).unwrap()
     }
 
     #[test]
@@ -351,8 +351,8 @@ mod tests {
         let open = HalfEdges::new(&first).unwrap();
         let inside: Vec<(u32, u32)> = (0..n).filter(|v| !open.is_boundary(*v)).map(|v| (v, n - 1 - v)).collect();
         let laid = over_disks(&first, &second, &inside, &Run::default()).unwrap();
-        for (place, p) in laid.iter().zip(first.positions()) {
-            assert!((place.point - p).norm() < 1e-6, "{} off", (place.point - p).norm());
+        for (on, p) in laid.iter().zip(first.positions()) {
+            assert!((on.point - p).norm() < 1e-6, "{} off", (on.point - p).norm());
         }
     }
 
@@ -395,14 +395,14 @@ mod tests {
             (0..mesh.vertex_count() as u32).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
         };
         // Corners of the plane on the equator, turned by a third of a circle; its center beside the pole.
-        let place = |p: [f64; 2], q: [f64; 3]| (nearest(&first, [p[0], p[1], 0.0]), nearest(&second, q));
+        let landmark = |p: [f64; 2], q: [f64; 3]| (nearest(&first, [p[0], p[1], 0.0]), nearest(&second, q));
         let on_equator = |degrees: f64| {
             let (sine, cosine) = degrees.to_radians().sin_cos();
             let rim = rim(&second, "second").unwrap();
             let far = |v: &&u32| (second.positions()[**v as usize] - Point3::new(cosine, sine, 0.0)).norm();
             *rim.iter().min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
         };
-        let mut landmarks = vec![place([0.5, 0.5], [0.3, 0.0, 0.95])];
+        let mut landmarks = vec![landmark([0.5, 0.5], [0.3, 0.0, 0.95])];
         for (corner, angle) in [([0.0, 0.0], 120.0), ([1.0, 0.0], 200.0), ([1.0, 1.0], 310.0), ([0.0, 1.0], 390.0)] {
             landmarks.push((nearest(&first, [corner[0], corner[1], 0.0]), on_equator(angle)));
         }
@@ -415,9 +415,9 @@ mod tests {
         assert!(laid.quality.flipped <= chords && chords == 2, "{:?}", laid.quality);
         let open = HalfEdges::new(&second).unwrap();
         for v in rim(&first, "first").unwrap() {
-            let place = &laid.points[v as usize];
-            let corners = second.triangles()[place.triangle as usize];
-            let inner = corners.iter().zip(place.weights).filter(|(c, w)| !open.is_boundary(**c) && *w > 1e-9);
+            let on = &laid.points[v as usize];
+            let corners = second.triangles()[on.triangle as usize];
+            let inner = corners.iter().zip(on.weights).filter(|(c, w)| !open.is_boundary(**c) && *w > 1e-9);
             assert_eq!(inner.count(), 0, "vertex {v} left the boundary");
         }
         let crossed = [landmarks[0], (landmarks[1].0, landmarks[2].1), (landmarks[2].0, landmarks[1].1), landmarks[3]];

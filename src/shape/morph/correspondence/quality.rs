@@ -48,7 +48,7 @@ pub fn measure(
     let mut missed = Vec::with_capacity(referenced.len());
     for v in referenced {
         run.check()?;
-        missed.extend(cover.nearest(&second.positions()[v as usize]).map(|place| place.squared));
+        missed.extend(cover.nearest(&second.positions()[v as usize]).map(|nearest| nearest.squared));
     }
     let landmark =
         |&(v, w): &(u32, u32)| (mapped.positions()[v as usize] - second.positions()[w as usize]).norm() / unit;

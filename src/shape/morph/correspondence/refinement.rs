@@ -75,7 +75,7 @@ fn edges_to_bisect(
         mapped.triangles().iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
     let off = |(a, b): Edge| {
         let middle = center(&p[a as usize], &p[b as usize]);
-        target.nearest(&middle).is_some_and(|place| place.squared > far)
+        target.nearest(&middle).is_some_and(|nearest| nearest.squared > far)
     };
     let mut bisected = BTreeSet::new();
     for edge in all {
@@ -85,10 +85,10 @@ fn edges_to_bisect(
     let cover = Bvh::new(mapped);
     for v in second.referenced_and_isolated().0 {
         run.check()?;
-        if let Some(place) = cover.nearest(&second.positions()[v as usize], |_| true)
-            && place.squared > far
+        if let Some(nearest) = cover.nearest(&second.positions()[v as usize], |_| true)
+            && nearest.squared > far
         {
-            let [a, b, c] = mapped.triangles()[place.triangle as usize];
+            let [a, b, c] = mapped.triangles()[nearest.triangle as usize];
             bisected.extend([edge(a, b), edge(b, c), edge(c, a)]);
         }
     }

@@ -72,23 +72,23 @@ pub fn register(
     let mut x = initial.positions().to_vec();
     for (k, &closeness) in options.closeness.iter().enumerate() {
         run.step(k as f64 / options.closeness.len() as f64)?;
-        let places = if closeness > 0.0 { target.closest_points(&initial, &x, run)? } else { Vec::new() };
-        x = system.solve(closeness, &places, run)?;
+        let points = if closeness > 0.0 { target.closest_points(&initial, &x, run)? } else { Vec::new() };
+        x = system.solve(closeness, &points, run)?;
     }
-    let mut places = target.closest_points(&initial, &x, run)?;
+    let mut points = target.closest_points(&initial, &x, run)?;
     for &(v, w) in landmarks {
-        places[v as usize] = target.vertex(w);
+        points[v as usize] = target.vertex(w);
     }
-    let mut fixed = vec![false; places.len()];
+    let mut fixed = vec![false; points.len()];
     for l in landmarks {
         fixed[l.0 as usize] = true;
     }
-    unfold(&initial, &target, &fixed, &mut places, run)?;
+    unfold(&initial, &target, &fixed, &mut points, run)?;
     let in_units = |p: SurfacePoint| SurfacePoint {
         squared: p.squared * unit * unit,
         ..SurfacePoint::on(second, p.triangle, p.weights)
     };
-    Ok(places.into_iter().map(in_units).collect())
+    Ok(points.into_iter().map(in_units).collect())
 }
 
 /// A triangle of each vertex, and which of its corners the vertex is; `None` for isolated vertices.
@@ -193,8 +193,8 @@ impl System {
         options: &RegistrationOptions,
     ) -> Result<Self, MorphError> {
         let (n, m) = (start.vertex_count(), start.triangle_count());
-        let mut places = start.positions().to_vec();
-        let affine: Vec<Affine> = (0..m).map(|t| Affine::new(start, t, n, &mut places)).collect();
+        let mut points = start.positions().to_vec();
+        let affine: Vec<Affine> = (0..m).map(|t| Affine::new(start, t, n, &mut points)).collect();
         let mut fixed = vec![None; n + m];
         for &(v, w) in landmarks {
             fixed[v as usize] = Some(goal.positions()[w as usize]);
@@ -203,12 +203,12 @@ impl System {
         affine.iter().flat_map(|a| a.vertices).for_each(|v| used[v as usize] = true);
         // Unreferenced vertices are fixed.
         for v in (0..n).filter(|&v| !used[v]) {
-            fixed[v].get_or_insert(places[v]);
+            fixed[v].get_or_insert(points[v]);
         }
         let mut entries = Entries { triplets: Vec::new(), rhs: vec![Vector3::zeros(); n + m] };
         entries.smoothness(&affine, &neighbors(start.triangles()), 2.0 * options.smoothness);
         entries.identity(&affine, options.identity);
-        Self::assembled(places, n, fixed, entries)
+        Self::assembled(points, n, fixed, entries)
     }
 
     fn assembled(
@@ -241,7 +241,7 @@ impl System {
     }
 
     /// The minimizer with the closest points `places`; without the closest-point term if empty.
-    fn solve(&mut self, closeness: f64, places: &[SurfacePoint], run: &Run) -> Result<Vec<Point3<f64>>, MorphError> {
+    fn solve(&mut self, closeness: f64, points: &[SurfacePoint], run: &Run) -> Result<Vec<Point3<f64>>, MorphError> {
         let mut matrix = self.matrix.clone();
         let mut rhs = vec![[0.0; 3]; matrix.n()];
         let free = self.unknown.iter().enumerate().filter_map(|(v, k)| k.map(|k| (v, k as usize)));
@@ -249,14 +249,14 @@ impl System {
             rhs[k] = (self.rhs[v] + self.start[v].coords * REGULARIZATION).into();
             let diagonal = matrix.pattern().column_starts()[k] as usize;
             matrix.values_mut()[diagonal] += REGULARIZATION;
-            if let Some(place) = places.get(v) {
+            if let Some(point) = points.get(v) {
                 matrix.values_mut()[diagonal] += closeness;
-                (0..3).for_each(|c| rhs[k][c] += closeness * place.point[c]);
+                (0..3).for_each(|c| rhs[k][c] += closeness * point.point[c]);
             }
         }
         for &(k, v, value) in &self.coupling {
-            let place = self.fixed[v as usize].expect("coupled to a fixed vertex");
-            (0..3).for_each(|c| rhs[k as usize][c] -= value * place[c]);
+            let point = self.fixed[v as usize].expect("coupled to a fixed vertex");
+            (0..3).for_each(|c| rhs[k as usize][c] -= value * point[c]);
         }
         self.cholesky.factor(&matrix, run)?;
         CompactFactor::new(&self.cholesky).solve_points(&mut rhs);
@@ -270,13 +270,13 @@ impl System {
 
 impl Affine {
     /// The map of a triangle at rest; appends its fourth vertex to `places`.
-    fn new(mesh: &TriMesh, t: usize, vertices: usize, places: &mut Vec<Point3<f64>>) -> Self {
+    fn new(mesh: &TriMesh, t: usize, vertices: usize, points: &mut Vec<Point3<f64>>) -> Self {
         let [a, b, c] = mesh.corners(t);
         let normal = mesh.area_normal(t);
         // The length of an edge; a degenerate triangle has no fourth vertex.
         let length = normal.norm().sqrt();
         let fourth = if length > 0.0 { normal / length } else { Vector3::zeros() };
-        places.push(a + fourth);
+        points.push(a + fourth);
         let inverse = Matrix3::from_columns(&[b - a, c - a, fourth]).try_inverse().filter(|m| m.amax() < 1e12);
         let inverse = inverse.unwrap_or_else(Matrix3::zeros);
         let first = -(inverse.row(0) + inverse.row(1) + inverse.row(2));

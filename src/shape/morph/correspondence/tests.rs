@@ -40,10 +40,10 @@ fn landmarks_are_met_exactly_and_vertices_are_on_the_target() {
     assert_eq!(laid.quality.landmark_error, 0.0);
     assert_eq!((laid.quality.flipped, laid.quality.collapsed), (0, 0));
     let target = registration::Target::new(&second).unwrap();
-    for (p, place) in laid.mapped.positions().iter().zip(&laid.points) {
+    for (p, on) in laid.mapped.positions().iter().zip(&laid.points) {
         assert!(target.nearest(p).unwrap().squared < 1e-20);
-        let corners = second.corners(place.triangle as usize);
-        let point: Vector3<f64> = corners.iter().zip(place.weights).map(|(c, w)| c.coords * w).sum();
+        let corners = second.corners(on.triangle as usize);
+        let point: Vector3<f64> = corners.iter().zip(on.weights).map(|(c, w)| c.coords * w).sum();
         assert!((point - p.coords).norm() < 1e-12);
     }
     assert!(laid.quality.missed_worst < 0.01 && laid.quality.stretch < 1.2, "{:?}", laid.quality);

@@ -30,12 +30,12 @@ pub(super) fn unfold(
     mesh: &TriMesh,
     target: &Target<'_>,
     fixed: &[bool],
-    places: &mut Vec<SurfacePoint>,
+    points: &mut Vec<SurfacePoint>,
     run: &Run,
 ) -> Result<(), MorphError> {
     let around = Neighborhood::new(mesh);
-    let mut folds = Folds::new(mesh, target, places);
-    let mut best = (folds.count(), places.clone());
+    let mut folds = Folds::new(mesh, target, points);
+    let mut best = (folds.count(), points.clone());
     for _ in 0..MAX_ITERATIONS {
         if best.0 == 0 {
             break;
@@ -45,15 +45,15 @@ pub(super) fn unfold(
         for _ in 0..=folds.rings() {
             for &v in &region {
                 run.check()?;
-                places[v as usize] = around.centroid(v, target, places)?;
+                points[v as usize] = around.centroid(v, target, points)?;
             }
         }
-        folds.update(mesh, target, places, &around, &region);
+        folds.update(mesh, target, points, &around, &region);
         if folds.count() < best.0 {
-            best = (folds.count(), places.clone());
+            best = (folds.count(), points.clone());
         }
     }
-    *places = best.1;
+    *points = best.1;
     Ok(())
 }
 
@@ -70,10 +70,10 @@ impl Neighborhood {
     }
 
     /// The closest facing surface point to the centroid of a vertex's neighbors.
-    fn centroid(&self, v: u32, target: &Target<'_>, places: &[SurfacePoint]) -> Result<SurfacePoint, MorphError> {
+    fn centroid(&self, v: u32, target: &Target<'_>, points: &[SurfacePoint]) -> Result<SurfacePoint, MorphError> {
         let ring = &self.vertices[v as usize];
-        let sum: Vector3<f64> = ring.iter().map(|w| places[*w as usize].point.coords).sum();
-        let normal = |w: &u32| target.normal(places[*w as usize].triangle).try_normalize(0.0).unwrap_or_default();
+        let sum: Vector3<f64> = ring.iter().map(|w| points[*w as usize].point.coords).sum();
+        let normal = |w: &u32| target.normal(points[*w as usize].triangle).try_normalize(0.0).unwrap_or_default();
         let facing: Vector3<f64> = ring.iter().map(normal).sum();
         target.closest_facing(&Point3::from(sum / ring.len() as f64), &facing)
     }
@@ -90,14 +90,14 @@ struct Folds {
 }
 
 impl Folds {
-    fn new(mesh: &TriMesh, target: &Target<'_>, places: &[SurfacePoint]) -> Self {
+    fn new(mesh: &TriMesh, target: &Target<'_>, points: &[SurfacePoint]) -> Self {
         let longest =
             |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
         let has_area = |t: usize| mesh.area_normal(t).norm() > 1e-9 * longest(t);
         let m = mesh.triangle_count();
         let mut folds = Self { counts: (0..m).map(has_area).collect(), age: vec![0; m], size: mesh.area() };
         for t in 0..m {
-            folds.age[t] = u32::from(folds.is_folded(t, mesh, target, places));
+            folds.age[t] = u32::from(folds.is_folded(t, mesh, target, points));
         }
         folds
     }
@@ -111,8 +111,8 @@ impl Folds {
         self.age.iter().max().map_or(0, |age| rings(*age))
     }
 
-    fn is_folded(&self, t: usize, mesh: &TriMesh, target: &Target<'_>, places: &[SurfacePoint]) -> bool {
-        let corners = mesh.triangles()[t].map(|v| places[v as usize].point);
+    fn is_folded(&self, t: usize, mesh: &TriMesh, target: &Target<'_>, points: &[SurfacePoint]) -> bool {
+        let corners = mesh.triangles()[t].map(|v| points[v as usize].point);
         let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
         let collapsed = is_collapsed(normal.norm() / target.area(), mesh.area_normal(t).norm() / self.size);
         self.counts[t] && (collapsed || is_flipped(&corners, &normal, target))
@@ -147,7 +147,7 @@ impl Folds {
         &mut self,
         mesh: &TriMesh,
         target: &Target<'_>,
-        places: &[SurfacePoint],
+        points: &[SurfacePoint],
         around: &Neighborhood,
         moved: &[u32],
     ) {
@@ -156,7 +156,7 @@ impl Folds {
             touched[*t as usize] = true;
         }
         for t in (0..touched.len()).filter(|t| touched[*t]) {
-            self.age[t] = if self.is_folded(t, mesh, target, places) { self.age[t] + 1 } else { 0 };
+            self.age[t] = if self.is_folded(t, mesh, target, points) { self.age[t] + 1 } else { 0 };
         }
     }
 }
@@ -173,12 +173,12 @@ mod tests {
     /// A sphere mapped to itself with a mirrored patch at the pole: a fold of many triangles.
     fn mirrored(ball: &TriMesh, reach: f64) -> Vec<SurfacePoint> {
         let target = Target::new(ball).unwrap();
-        let place = |p: &Point3<f64>| {
+        let point = |p: &Point3<f64>| {
             let inside = p.z > 0.0 && p.x.hypot(p.y) < reach;
             let q = if inside { Point3::new(-p.x, p.y, p.z) } else { *p };
             target.closest_facing(&q, &q.coords).unwrap()
         };
-        ball.positions().iter().map(place).collect()
+        ball.positions().iter().map(point).collect()
     }
 
     #[test]
@@ -186,18 +186,18 @@ mod tests {
         let ball = shapes::icosphere(4);
         let target = Target::new(&ball).unwrap();
         for (reach, low) in [(0.12, 0.6), (0.25, 0.6), (0.4, 0.6), (0.7, 0.4), (0.8, 0.3)] {
-            let mut places = mirrored(&ball, reach);
-            let before = Folds::new(&ball, &target, &places).count();
+            let mut points = mirrored(&ball, reach);
+            let before = Folds::new(&ball, &target, &points).count();
             let mut fixed = vec![false; ball.vertex_count()];
             let far = (0..fixed.len()).filter(|v| ball.positions()[*v].z < low);
             for v in far {
                 fixed[v] = true;
             }
-            unfold(&ball, &target, &fixed, &mut places, &Run::default()).unwrap();
-            assert!(before > 10 && Folds::new(&ball, &target, &places).count() == 0, "{reach}: of {before}");
-            for (v, place) in places.iter().enumerate() {
-                assert!(target.nearest(&place.point).unwrap().squared < 1e-20);
-                assert!(!fixed[v] || (place.point - ball.positions()[v]).norm() < 1e-12);
+            unfold(&ball, &target, &fixed, &mut points, &Run::default()).unwrap();
+            assert!(before > 10 && Folds::new(&ball, &target, &points).count() == 0, "{reach}: of {before}");
+            for (v, point) in points.iter().enumerate() {
+                assert!(target.nearest(&point.point).unwrap().squared < 1e-20);
+                assert!(!fixed[v] || (point.point - ball.positions()[v]).norm() < 1e-12);
             }
         }
     }
@@ -209,30 +209,30 @@ mod tests {
         let pole = ball.positions().iter().copied().max_by(|p, q| p.z.total_cmp(&q.z)).unwrap();
         let near = |p: &Point3<f64>| (p - pole).norm() < 0.2;
         let put = |p: &Point3<f64>| target.closest_facing(if near(p) { &pole } else { p }, &p.coords).unwrap();
-        let mut places: Vec<SurfacePoint> = ball.positions().iter().map(put).collect();
+        let mut points: Vec<SurfacePoint> = ball.positions().iter().map(put).collect();
         let fixed: Vec<bool> = ball.positions().iter().map(|p| p.z < 0.6).collect();
-        unfold(&ball, &target, &fixed, &mut places, &Run::default()).unwrap();
+        unfold(&ball, &target, &fixed, &mut points, &Run::default()).unwrap();
         for t in ball.triangles() {
-            let [a, b, c] = t.map(|v| places[v as usize].point);
+            let [a, b, c] = t.map(|v| points[v as usize].point);
             assert!((b - a).cross(&(c - a)).dot(&a.coords) > 0.0);
         }
         let mut triangles = ball.triangles().to_vec();
         triangles.push([0, 1, 1]);
         let flat = TriMesh::new(ball.positions().to_vec(), triangles).unwrap();
-        let places: Vec<SurfacePoint> =
+        let points: Vec<SurfacePoint> =
             flat.positions().iter().map(|p| target.closest_facing(p, &p.coords).unwrap()).collect();
-        assert_eq!(Folds::new(&flat, &target, &places).count(), 0);
+        assert_eq!(Folds::new(&flat, &target, &points).count(), 0);
     }
 
     #[test]
     fn crossing_landmarks_do_not_add_folds() {
         let ball = shapes::icosphere(3);
         let target = Target::new(&ball).unwrap();
-        let mut places = mirrored(&ball, 0.3);
-        let before = Folds::new(&ball, &target, &places).count();
+        let mut points = mirrored(&ball, 0.3);
+        let before = Folds::new(&ball, &target, &points).count();
         let fixed = vec![true; ball.vertex_count()];
-        let start = places.clone();
-        unfold(&ball, &target, &fixed, &mut places, &Run::default()).unwrap();
-        assert!(before > 0 && places.iter().zip(&start).all(|(a, b)| a.point == b.point));
+        let start = points.clone();
+        unfold(&ball, &target, &fixed, &mut points, &Run::default()).unwrap();
+        assert!(before > 0 && points.iter().zip(&start).all(|(a, b)| a.point == b.point));
     }
 }

@@ -78,14 +78,15 @@ mod tests {
     #[test]
     fn the_rotation_of_a_triangle_is_that_of_its_polar_decomposition() {
         let p = [Point3::new(0.1, 0.2, 0.3), Point3::new(1.0, 0.4, -0.2), Point3::new(0.3, 1.5, 0.9)];
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(2.0, -1.0, 1.5));
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(2.0, -1.0, 1.5));
         let stretch = Matrix3::new(1.4, 0.1, 0.3, 0.1, 0.9, -0.2, 0.3, -0.2, 1.2);
-        for (moved, exact) in [(p.map(|p| turn * p), true), (p.map(|p| turn * Point3::from(stretch * p.coords)), false)]
+        for (moved, exact) in
+            [(p.map(|p| rotation * p), true), (p.map(|p| rotation * Point3::from(stretch * p.coords)), false)]
         {
             let (from, to) = (Frame::new(&p).unwrap(), Frame::new(&moved).unwrap());
             let found = from.rotation_to(&to).unwrap();
             if exact {
-                assert!(found.angle_to(&turn) < 1e-7);
+                assert!(found.angle_to(&rotation) < 1e-7);
             }
             // The remaining stretch is symmetric in the plane.
             let back: Vec<_> = moved.iter().map(|q| found.inverse() * (q - moved[0])).collect();

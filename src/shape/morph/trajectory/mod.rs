@@ -314,8 +314,8 @@ fn mean_weights(first: &TriMesh, second: &TriMesh) -> Vec<[f64; 3]> {
 fn global_motion(first: &TriMesh, second: &TriMesh, weights: &[f64], full_rotations: i32) -> Screw {
     let (a, b) = (first.positions(), second.positions());
     let (nearest, rank) = nearest_similarity(a, b, weights, false);
-    let turn = if rank > 1 { nearest.isometry.rotation.scaled_axis() } else { Vector3::zeros() };
-    let axis = turn.try_normalize(1e-12).unwrap_or_else(Vector3::y);
-    let turn = turn + axis * (f64::from(full_rotations) * TAU);
-    Screw::new(turn, centroid(a, weights), centroid(b, weights))
+    let rotation = if rank > 1 { nearest.isometry.rotation.scaled_axis() } else { Vector3::zeros() };
+    let axis = rotation.try_normalize(1e-12).unwrap_or_else(Vector3::y);
+    let rotation = rotation + axis * (f64::from(full_rotations) * TAU);
+    Screw::new(rotation, centroid(a, weights), centroid(b, weights))
 }

@@ -165,8 +165,8 @@ mod tests {
     #[test]
     fn a_strip_twisted_by_three_turns_is_twisted_by_half_of_them_at_half_time() {
         let axis = Vector3::new(1.0, -2.0, 0.5).normalize();
-        for turns in [0.2, 3.0] {
-            let angle = |t: u32| TAU * turns * (f64::from(t) - 20.0) / 99.0;
+        for revolutions in [0.2, 3.0] {
+            let angle = |t: u32| TAU * revolutions * (f64::from(t) - 20.0) / 99.0;
             let turned = |t: u32, share: f64| UnitQuaternion::from_scaled_axis(axis * (share * angle(t)));
             let rotations: Vec<_> = (0..100).map(|t| (t != 60).then(|| turned(t, 1.0))).collect();
             let paths = RotationPaths::new(&strip(100), &rotations);
@@ -176,11 +176,11 @@ mod tests {
                 for t in (0..100_u32).filter(|&t| t != 60) {
                     let [ahead, back] = &found[t as usize];
                     let time = times[t as usize];
-                    assert!(ahead.angle_to(&turned(t, time)) < 1e-6, "{turns} {t}");
-                    assert!(back.angle_to(&turned(t, time - 1.0)) < 1e-6, "{turns} {t}");
+                    assert!(ahead.angle_to(&turned(t, time)) < 1e-6, "{revolutions} {t}");
+                    assert!(back.angle_to(&turned(t, time - 1.0)) < 1e-6, "{revolutions} {t}");
                 }
                 // The triangle without a rotation follows its neighbor.
-                assert!(found[60][0].angle_to(&turned(60, times[60])) < TAU * turns / 99.0 + 1e-6);
+                assert!(found[60][0].angle_to(&turned(60, times[60])) < TAU * revolutions / 99.0 + 1e-6);
             }
         }
     }

@@ -263,11 +263,11 @@ mod tests {
         // Two balls moved into each other, which `disjoint` set apart.
         let apart = both.positions()[ball.vertex_count()] - ball.positions()[0];
         let off = apart - Vector3::new(0.313, 0.217, 0.119);
-        let place = |(v, p): (usize, &Point3<f64>)| if v < ball.vertex_count() { *p } else { p - off };
-        let through = both.with_positions(both.positions().iter().enumerate().map(place).collect()).unwrap();
+        let apart = |(v, p): (usize, &Point3<f64>)| if v < ball.vertex_count() { *p } else { p - off };
+        let through = both.with_positions(both.positions().iter().enumerate().map(apart).collect()).unwrap();
         assert!(!self_intersections(&through, &Run::default()).expect("a run that never stops").is_empty());
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.8, 0.5).normalize() * 2.9);
-        let second = through.with_positions(through.positions().iter().map(|p| turn * p).collect()).unwrap();
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.8, 0.5).normalize() * 2.9);
+        let second = through.with_positions(through.positions().iter().map(|p| rotation * p).collect()).unwrap();
         let mut trajectory =
             Trajectory::new(&through, &second, &super::super::TrajectoryOptions::default(), &Run::default()).unwrap();
         let exact = trajectory.at(0.3, &Run::default()).expect("a run that never stops");

@@ -6,8 +6,8 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::super::SurfaceError;
 use super::super::bound::Bound;
-use super::super::components::Held;
-use super::super::held_laplacian::HeldLaplacian;
+use super::super::components::Unknowns;
+use super::super::handle_laplacian::HandleLaplacian;
 use super::super::lanes::{self, Kernel, Lanes};
 use super::cells::{CellKind, Cells};
 use super::smoothness::Smoothness;
@@ -21,7 +21,7 @@ pub(in crate::surface) struct Elastic {
     pub(in crate::surface) cotangents: Cotangents,
     pub(in crate::surface) weights: EdgeWeights,
     pub(in crate::surface) cells: Cells,
-    pub(in crate::surface) system: HeldLaplacian,
+    pub(in crate::surface) system: HandleLaplacian,
     /// Weight of the vertex cells in the energy; triangle cells have the remaining weight.
     bending: f64,
     /// `Σ_c Σ_e h_e |e|²`: the constant term of the energy.
@@ -35,12 +35,12 @@ impl Elastic {
         kind: CellKind,
         rest: &[Lanes],
         cotangents: Cotangents,
-        held: &Held,
+        unknowns: &Unknowns,
         bending: f64,
         run: &Run,
     ) -> Result<Self, SurfaceError> {
         let weights = EdgeWeights::cotangent(rest.len(), &cotangents);
-        let system = HeldLaplacian::new(&weights, kind.laplacians(), held, run)?;
+        let system = HandleLaplacian::new(&weights, kind.laplacians(), unknowns, run)?;
         let cells = Cells::new(kind, rest, &cotangents, bending);
         let mut this = Self { kind, cotangents, weights, cells, system, bending, constant: 0.0, smoothness: None };
         this.constant = this.add_laplacian(rest, &mut vec![Lanes::ZERO; rest.len()]);

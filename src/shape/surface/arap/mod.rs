@@ -5,7 +5,7 @@
 //!      = q xᵀL x − 2 Σ tr(R S) + const
 //! ```
 //!
-//! For given rotations `x` solves one linear system with a constant matrix ([`HeldLaplacian`]); for given `x` each rotation is
+//! For given rotations `x` solves one linear system with a constant matrix ([`HandleLaplacian`]); for given `x` each rotation is
 //! the best fit of its cell ([`Cells`]). Alternating both decreases `E` in every iteration. The default is spokes and rims: the
 //! three edges of a triangle form a positive semidefinite form whatever its angles, so that `E ≥ 0`, while stretching a single
 //! spoke of negative weight decreases the energy.
@@ -73,7 +73,7 @@ impl Arap {
         OptionError::check(bending > 0.0 && bending <= 1.0, "bending", bending, "above 0, at most 1")?;
         let bound = Bound::new(mesh, handles, options)?;
         let mut elastic =
-            Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.held, bending, run)?;
+            Elastic::new(kind, &bound.rest, Cotangents::new(mesh, options.cotangents), &bound.unknowns, bending, run)?;
         if let Some(strength) = checked_smoothness(options, kind)? {
             elastic.smoothness = Some(Smoothness::new(&elastic.weights, strength * mesh.area()));
         }

@@ -18,13 +18,13 @@ fn motion() -> Isometry3<f64> {
 /// Both ends of a tube, the right one bent by an angle about z and moved.
 fn bend(mesh: &TriMesh, angle: f64) -> (Handles, HandlePose) {
     let ends = |p: &Point3<f64>| p.x < 0.15 || p.x > 1.85;
-    let held: Vec<u32> = (0..mesh.vertex_count() as u32).filter(|&v| ends(&mesh.positions()[v as usize])).collect();
-    let turn = Isometry3::rotation(Vector3::new(0.3 * angle, 0.0, angle));
-    let pose = held.iter().map(|&v| {
+    let fixed: Vec<u32> = (0..mesh.vertex_count() as u32).filter(|&v| ends(&mesh.positions()[v as usize])).collect();
+    let rotation = Isometry3::rotation(Vector3::new(0.3 * angle, 0.0, angle));
+    let pose = fixed.iter().map(|&v| {
         let p = mesh.positions()[v as usize];
-        if p.x < 1.0 { p } else { Point3::new(1.2, 0.5, 0.1) + turn * (p - Point3::new(2.0, 0.0, 0.0)) }
+        if p.x < 1.0 { p } else { Point3::new(1.2, 0.5, 0.1) + rotation * (p - Point3::new(2.0, 0.0, 0.0)) }
     });
-    (Handles::exact(held.iter().copied()).unwrap(), HandlePose::new(pose.collect()))
+    (Handles::exact(fixed.iter().copied()).unwrap(), HandlePose::new(pose.collect()))
 }
 
 fn tight(max_iterations: usize) -> Convergence {

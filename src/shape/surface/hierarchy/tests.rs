@@ -34,13 +34,13 @@ fn tube(rings: usize, around: usize) -> TriMesh {
 
 /// An open sheet of `n × n` vertices.
 fn sheet(n: usize) -> TriMesh {
-    let place = |i: usize| Point3::new((i % n) as f64, (i / n) as f64, 0.0);
+    let point = |i: usize| Point3::new((i % n) as f64, (i / n) as f64, 0.0);
     let mut triangles = Vec::new();
     for i in (0..n * (n - 1)).filter(|i| i % n + 1 < n) {
         let (a, b, c, d) = (i as u32, (i + 1) as u32, (i + n) as u32, (i + n + 1) as u32);
         triangles.extend([[a, b, d], [a, d, c]]);
     }
-    TriMesh::new((0..n * n).map(place).collect(), triangles).expect("a sound case")
+    TriMesh::new((0..n * n).map(point).collect(), triangles).expect("a sound case")
 }
 
 /// Number of edges by how many triangles they lie in (1, 2, more).

@@ -15,11 +15,11 @@ fn bent(rings: usize, around: usize, angle: f64, constraint: Constraint) -> Case
     let ends = (0..mesh.vertex_count() as u32).filter(|&v| !(0.15..1.85).contains(&mesh.positions()[v as usize].x));
     let handles = Handles::new(ends.map(|v| (v, constraint))).unwrap();
     let motion = Isometry3::new(Vector3::new(-0.6, 0.4, 0.1), Vector3::new(0.2 * angle, 0.0, angle));
-    let place = |&v: &u32| {
+    let target = |&v: &u32| {
         let p = mesh.positions()[v as usize];
         if p.x < 1.0 { p } else { motion * p }
     };
-    let pose = HandlePose::new(handles.vertices().iter().map(place).collect());
+    let pose = HandlePose::new(handles.vertices().iter().map(target).collect());
     (mesh, handles, pose)
 }
 

@@ -148,7 +148,7 @@ impl DeformSolver for Primo {
     }
 
     fn solve(&mut self, &Request { pose, guess, convergence, run }: &Request<'_>) -> Result<Deformation, SurfaceError> {
-        pose.check(&self.bound.held.handles)?;
+        pose.check(&self.bound.unknowns.handles)?;
         let initial = self.initial(pose, guess)?;
         let found = self.solver.minimize(initial, convergence, run)?;
         let positions = self.solver.positions(&found.poses, pose);

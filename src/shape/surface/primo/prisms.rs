@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::ShellMaterial;
 use super::shell::{Joint, Shell};
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, edge_groups};
 
 /// Maximum weight `‖e‖² / (A_i + A_j)` of a joint; 1.15 between equilateral triangles, unbounded between needles. Larger weights
 /// cost digits of the solve, much smaller ones let long triangles separate.
@@ -33,24 +33,16 @@ pub(super) fn prisms(mesh: &TriMesh, thickness: f64, material: &ShellMaterial<'_
         joint.stiffen(&(up_p + up_q), 0.5 * (across[0] + across[1]));
         joint
     };
-    let mut edges = sorted_edges(mesh);
-    let joints = edges
-        .chunk_by_mut(|a, b| a.0 == b.0)
-        .flat_map(|at_edge| at_edge.windows(2).map(|w| joint(w[0].0, w[0].1, w[1].1)).collect::<Vec<_>>())
-        .collect();
-    Shell { free: vec![true; centers.len()], centers, joints }
-}
-
-/// Edges with their triangles, sorted; without degenerate edges.
-fn sorted_edges(mesh: &TriMesh) -> Vec<([u32; 2], u32)> {
-    let mut edges = Vec::with_capacity(3 * mesh.triangle_count());
-    for (t, &[a, b, c]) in mesh.triangles().iter().enumerate() {
-        let ends = [(a, b), (b, c), (c, a)].into_iter().filter(|(i, j)| i != j);
-        edges.extend(ends.map(|(i, j)| ([i.min(j), i.max(j)], t as u32)));
+    let mut joints = Vec::new();
+    for edge in edge_groups(mesh.triangles().as_flattened()).iter() {
+        let ends = [edge[0].0 >> 32, edge[0].0].map(|v| v as u32);
+        if ends[0] != ends[1] {
+            let mut triangles: Vec<u32> = edge.iter().map(|(_, h)| h / 3).collect();
+            triangles.dedup();
+            joints.extend(triangles.windows(2).map(|w| joint(ends, w[0], w[1])));
+        }
     }
-    edges.sort_unstable();
-    edges.dedup();
-    edges
+    Shell { free: vec![true; centers.len()], centers, joints }
 }
 
 /// Mean edge length over all triangles (inner edges count twice); 0 without triangles.

@@ -91,11 +91,11 @@ fn the_gradient_is_that_of_central_differences_on_every_level() {
                 let mut moved = poses.clone();
                 let mut velocity = [0.0; 6];
                 velocity[k % 6] = t;
-                let turn = Rotation3::new(Vector3::from_column_slice(&velocity[..3]));
+                let rotation = Rotation3::new(Vector3::from_column_slice(&velocity[..3]));
                 for &b in clusters.members(c) {
                     let pose = &mut moved[b as usize];
-                    pose.at = center + turn * (pose.at - center) + Vector3::from_column_slice(&velocity[3..]);
-                    pose.rotation = turn.matrix() * pose.rotation;
+                    pose.at = center + rotation * (pose.at - center) + Vector3::from_column_slice(&velocity[3..]);
+                    pose.rotation = rotation.matrix() * pose.rotation;
                 }
                 0.5 * shell.energy(&moved)
             };
@@ -362,8 +362,8 @@ fn a_grain_stiffens_bending_across_it_alone() {
         let shell =
             prisms(&mesh, 0.5, &ShellMaterial { grain: grain.as_ref().map(|g| &g[..]), ..ShellMaterial::default() });
         let mut poses = shell.rest();
-        let (turn, hinge) = (Rotation3::new(axis * 0.3), Vector3::new(0.0, 0.5, 0.0));
-        poses[1] = BodyPose { rotation: turn.into_inner(), at: hinge + turn * (poses[1].at - hinge) };
+        let (rotation, hinge) = (Rotation3::new(axis * 0.3), Vector3::new(0.0, 0.5, 0.0));
+        poses[1] = BodyPose { rotation: rotation.into_inner(), at: hinge + rotation * (poses[1].at - hinge) };
         shell.energy(&poses)
     };
     let (bend, shear) = (Vector3::y(), Vector3::z());
@@ -417,17 +417,17 @@ fn results_are_equivariant_to_similarities() {
     let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 4.4);
     let (plain, expected) = solve(&mesh, &handles, &PrimoOptions::default(), twist(5.0, 1.0));
     for (scale, offset) in [(1e-3, 0.0), (1e3, 0.0), (1.0, 1e6)] {
-        let turn = Rotation3::new(Vector3::new(0.4, -1.0, 2.0));
-        let place = |p: &Point3<f64>| turn * (p * scale) + Vector3::repeat(offset);
-        let there = mesh.with_positions(mesh.positions().iter().map(place).collect()).expect("a sound case");
-        let back = |p: &Point3<f64>| turn.inverse() * (p - Vector3::repeat(offset)) / scale;
+        let rotation = Rotation3::new(Vector3::new(0.4, -1.0, 2.0));
+        let moved_to = |p: &Point3<f64>| rotation * (p * scale) + Vector3::repeat(offset);
+        let there = mesh.with_positions(mesh.positions().iter().map(moved_to).collect()).expect("a sound case");
+        let back = |p: &Point3<f64>| rotation.inverse() * (p - Vector3::repeat(offset)) / scale;
         let (found, positions) =
-            solve(&there, &handles, &PrimoOptions::default(), |p| place(&twist(5.0, 1.0)(&back(p))));
+            solve(&there, &handles, &PrimoOptions::default(), |p| moved_to(&twist(5.0, 1.0)(&back(p))));
         let digits = if offset > 0.0 { 1e-6 } else { 1e-9 };
         let (e, f) = (plain.last() * scale * scale, found.last());
         assert!((f / e - 1.0).abs() < digits, "{scale} {offset}: {e} {f}");
         for (x, y) in expected.iter().zip(&positions) {
-            assert!((place(x) - y).norm() < digits * scale * mesh.diagonal(), "{scale} {offset}");
+            assert!((moved_to(x) - y).norm() < digits * scale * mesh.diagonal(), "{scale} {offset}");
         }
     }
 }

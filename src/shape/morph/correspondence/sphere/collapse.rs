@@ -77,13 +77,13 @@ fn close(rings: &mut [Vec<u32>], v: u32, ring: &[u32]) {
     let (into, inner) = (ring[0], &ring[2..ring.len() - 1]);
     for w in inner {
         let of = &mut rings[*w as usize];
-        let place = of.iter().position(|x| *x == v).expect("adjacency is symmetric");
-        of[place] = into;
+        let index = of.iter().position(|x| *x == v).expect("adjacency is symmetric");
+        of[index] = into;
     }
     for w in [ring[1], ring[ring.len() - 1]] {
         rings[w as usize].retain(|x| *x != v);
     }
     let of = &mut rings[into as usize];
-    let place = of.iter().position(|x| *x == v).expect("adjacency is symmetric");
-    of.splice(place..=place, inner.iter().copied());
+    let index = of.iter().position(|x| *x == v).expect("adjacency is symmetric");
+    of.splice(index..=index, inner.iter().copied());
 }

@@ -157,19 +157,19 @@ impl<'m> SphereEmbedding<'m> {
         let inner = &removed.ring[2..removed.ring.len() - 1];
         for v in inner {
             let ring = &mut self.rings[*v as usize];
-            let place = ring.iter().position(|w| *w == into)?;
-            ring[place] = removed.vertex;
+            let index = ring.iter().position(|w| *w == into)?;
+            ring[index] = removed.vertex;
         }
         // In the ring of the collapse target it replaces the inner vertices.
         let ring = &mut self.rings[into as usize];
         ring.retain(|w| !inner.contains(w));
-        let place = ring.iter().position(|w| *w == first)?;
-        ring.insert(place + 1, removed.vertex);
+        let index = ring.iter().position(|w| *w == first)?;
+        ring.insert(index + 1, removed.vertex);
         // In the rings of the two end vertices it is between the target and their inner neighbor.
         for (v, after) in [(first, true), (last, false)] {
             let ring = &mut self.rings[v as usize];
-            let place = ring.iter().position(|w| *w == into)?;
-            ring.insert(if after { place } else { place + 1 }, removed.vertex);
+            let index = ring.iter().position(|w| *w == into)?;
+            ring.insert(if after { index } else { index + 1 }, removed.vertex);
         }
         self.rings[removed.vertex as usize].clone_from(&removed.ring);
         self.order.push(removed.vertex);
@@ -245,11 +245,11 @@ impl<'m> SphereEmbedding<'m> {
         };
         let mut fraction = 1.0;
         while fraction >= MIN_DESCENT_STEP {
-            if let Some(place) = (x + step * fraction).try_normalize(1e-12)
-                && stretch::energy(&sides, target, &place).is_some_and(|e| e.0 < before)
-                && self.is_valid(v, &place)
+            if let Some(position) = (x + step * fraction).try_normalize(1e-12)
+                && stretch::energy(&sides, target, &position).is_some_and(|e| e.0 < before)
+                && self.is_valid(v, &position)
             {
-                self.at[v as usize] = place;
+                self.at[v as usize] = position;
                 return before;
             }
             fraction *= 0.5;
@@ -262,10 +262,10 @@ impl<'m> SphereEmbedding<'m> {
         let from = self.at[v as usize];
         let mut fraction = 1.0;
         while fraction >= MIN_STEP {
-            if let Some(place) = (from + (to - from) * fraction).try_normalize(1e-12)
-                && self.is_valid(v, &place)
+            if let Some(position) = (from + (to - from) * fraction).try_normalize(1e-12)
+                && self.is_valid(v, &position)
             {
-                self.at[v as usize] = place;
+                self.at[v as usize] = position;
                 return fraction >= 1.0;
             }
             fraction *= 0.5;
@@ -273,13 +273,13 @@ impl<'m> SphereEmbedding<'m> {
         false
     }
 
-    /// Whether no triangle around a vertex is inverted with the vertex at `place`.
-    fn is_valid(&self, v: u32, place: &Vector3<f64>) -> bool {
+    /// Whether no triangle around a vertex is inverted with the vertex at `position`.
+    fn is_valid(&self, v: u32, position: &Vector3<f64>) -> bool {
         let ring = &self.rings[v as usize];
         (0..ring.len()).all(|k| {
             let (p, q) = (self.at[ring[k] as usize], self.at[ring[(k + 1) % ring.len()] as usize]);
             let normal = p.cross(&q);
-            place.dot(&normal) > 1e-9 * normal.norm() * (p - q).norm()
+            position.dot(&normal) > 1e-9 * normal.norm() * (p - q).norm()
         })
     }
 }

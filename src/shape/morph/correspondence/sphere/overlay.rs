@@ -84,18 +84,18 @@ fn targets(
     fixed: &[bool],
     run: &Run,
 ) -> Result<Vec<Target>, MorphError> {
-    let places = match register(first, second, landmarks, &RegistrationOptions::default(), run) {
+    let points = match register(first, second, landmarks, &RegistrationOptions::default(), run) {
         Err(MorphError::Landmarks { .. }) => return Ok(Vec::new()),
         registered => registered?,
     };
     let size = first.area();
-    let target = |((place, area), fixed): ((&SurfacePoint, f64), &bool)| {
-        let corners = second.triangles()[place.triangle as usize].iter().zip(place.weights);
+    let target = |((point, area), fixed): ((&SurfacePoint, f64), &bool)| {
+        let corners = second.triangles()[point.triangle as usize].iter().zip(point.weights);
         let middle: Vector3<f64> = corners.map(|(v, w)| goal[*v as usize] * w).sum();
         let weight = area * size * TARGET_WEIGHT * if *fixed { LANDMARK_FACTOR } else { 1.0 };
         Target { position: middle.try_normalize(0.0).unwrap_or_else(Vector3::z), weight }
     };
-    Ok(places.iter().zip(barycentric_areas(first)).zip(fixed).map(target).collect())
+    Ok(points.iter().zip(barycentric_areas(first)).zip(fixed).map(target).collect())
 }
 
 /// Increases the weights of the targets in steps.

@@ -20,8 +20,8 @@ fn assert_bijective(mesh: &TriMesh, at: &[Vector3<f64>]) {
 
 fn shapes_of_genus_0() -> Vec<TriMesh> {
     let stretched = shapes::icosphere(3);
-    let place = |p: &Point3<f64>| Point3::new(p.x, p.y * 0.3, 6.0 * p.z + p.x * p.x);
-    let stretched = stretched.with_positions(stretched.positions().iter().map(place).collect()).unwrap();
+    let position = |p: &Point3<f64>| Point3::new(p.x, p.y * 0.3, 6.0 * p.z + p.x * p.x);
+    let stretched = stretched.with_positions(stretched.positions().iter().map(position).collect()).unwrap();
     vec![shapes::icosphere(0), shapes::bar([2, 3, 9], [1.0, 1.0, 6.0]), shapes::cactus(10), stretched]
 }
 
@@ -71,9 +71,9 @@ fn landmarks_coincide_on_the_sphere_without_inversions() {
 /// A ball with six limbs, each as long as so many radii, turned a little.
 fn with_limbs(levels: u32, length: f64) -> TriMesh {
     let ball = shapes::icosphere(levels);
-    let turn = nalgebra::Rotation3::from_scaled_axis(Vector3::new(0.2, -0.3, 0.1));
+    let rotation = nalgebra::Rotation3::from_scaled_axis(Vector3::new(0.2, -0.3, 0.1));
     let limb = |p: &Point3<f64>| {
-        let q = turn * p;
+        let q = rotation * p;
         q * (1.0 + length * (-30.0 * (1.0 - q.coords.amax())).exp())
     };
     ball.with_positions(ball.positions().iter().map(limb).collect()).unwrap()

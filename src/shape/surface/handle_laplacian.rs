@@ -8,7 +8,7 @@
 //! All three coordinates share the factor, which depends on the mesh and on the set of constraints. A solve costs two
 //! triangular substitutions.
 
-use super::components::Held;
+use super::components::Unknowns;
 use super::lanes::Lanes;
 use crate::mesh::operators::EdgeWeights;
 use plumbline_num::energy::{ConstrainedLaplacian, FIXED, FactoredLaplacian};
@@ -17,25 +17,25 @@ use plumbline_num::sparse::{Ordering, SparseError};
 
 /// The factored system.
 #[derive(Debug)]
-pub(super) struct HeldLaplacian {
+pub(super) struct HandleLaplacian {
     system: FactoredLaplacian,
     /// `(unknown, index of the handle, μ)`.
     soft: Vec<(u32, usize, f64)>,
     points: Vec<[f64; 3]>,
 }
 
-impl HeldLaplacian {
+impl HandleLaplacian {
     /// Factors `q L` with these weights; `q > 0`.
     ///
     /// # Errors
     /// As [`ConstrainedLaplacian::new`] and [`ConstrainedLaplacian::factor`].
-    pub(super) fn new(weights: &EdgeWeights, q: f64, held: &Held, run: &Run) -> Result<Self, SparseError> {
-        let vertex = |k: usize| held.handles.vertices()[k] as usize;
-        let soft_terms = held.soft.iter().map(|&(k, weight)| (vertex(k), vertex(k), weight));
+    pub(super) fn new(weights: &EdgeWeights, q: f64, unknowns: &Unknowns, run: &Run) -> Result<Self, SparseError> {
+        let vertex = |k: usize| unknowns.handles.vertices()[k] as usize;
+        let soft_terms = unknowns.soft.iter().map(|&(k, weight)| (vertex(k), vertex(k), weight));
         let terms = weights.iter().map(|(i, j, w)| (i, j, q * w)).chain(soft_terms);
-        let system = ConstrainedLaplacian::new(weights.vertex_count(), terms, |v| held.unknown[v] == FIXED)?
+        let system = ConstrainedLaplacian::new(weights.vertex_count(), terms, |v| unknowns.unknown[v] == FIXED)?
             .factor(&Ordering::Amd, run)?;
-        let soft = held.soft.iter().map(|&(k, weight)| (held.unknown[vertex(k)], k, weight)).collect();
+        let soft = unknowns.soft.iter().map(|&(k, weight)| (unknowns.unknown[vertex(k)], k, weight)).collect();
         Ok(Self { soft, points: vec![[0.0; 3]; system.free().len()], system })
     }
 
