@@ -7,7 +7,7 @@ use plumbline_camera::Vec3;
 use plumbline_image::feature::Segment;
 use plumbline_num::math::Vec2;
 
-/// Distance of samples along an edge, px of the view.
+/// Distance of samples along an edge, px of the view: the shortest edge that is used has four.
 const SAMPLE_SPACING: f64 = 4.0;
 /// Distance of a piece's ends from the other's circle, px, up to which both are tested for joining: the direction of
 /// short pieces is inaccurate.

@@ -23,9 +23,9 @@ const MAX_PAIRED: usize = 90;
 const TOLERANCE: f64 = 0.02;
 /// Cosine of the maximum angle between the vertical and the picture's y axis: 40°.
 const MIN_UPRIGHT_COSINE: f64 = 0.766;
-/// Minimum number of lines of a group.
+/// Minimum number of lines of a group: the two that make it a candidate, and as many again that confirm it.
 const MIN_LINES: usize = 4;
-/// Minimum support of a group, rad of line length: half a view's width.
+/// Minimum support of a group, rad of line length: 29 % of the width of a view of 100°.
 const MIN_SUPPORT: f64 = 0.5;
 /// Maximum number of horizontal groups.
 const MAX_HORIZONTALS: usize = 3;
