@@ -4,7 +4,6 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::check::{Pipeline, resolved_vars, stage_settings};
-use super::file::literal_path;
 use super::graph::Graph;
 use super::items::{CLIP_EXTENSIONS, MESH_EXTENSIONS, PHOTO_EXTENSIONS, expand};
 use super::options::BatchSettings;
@@ -199,9 +198,4 @@ fn check_outputs(instances: &[Instance], problems: &mut Vec<Problem>) {
             }
         }
     }
-}
-
-/// Files as patterns that match nothing else.
-pub fn literal_patterns(paths: &[PathBuf]) -> Vec<String> {
-    paths.iter().map(|p| literal_path(p)).collect()
 }

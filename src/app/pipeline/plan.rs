@@ -98,11 +98,6 @@ impl Pass {
         let costs = self.stages.iter().flat_map(|&s| graph.stages[s].memory());
         clip.map_or(0, |clip| costs.filter(|c| !c.on_disk).map(|c| c.evaluate(clip)).sum())
     }
-
-    /// The one stage of this pass whose settings are `S`, if there is one.
-    pub fn stage_of<'g, S: super::kind::Stage>(&self, graph: &'g Graph) -> Option<(usize, &'g S)> {
-        self.stages.iter().find_map(|&s| graph.stages[s].settings.get::<S>().map(|settings| (s, settings)))
-    }
 }
 
 fn cost_text(cost: &MemoryCost, clip: Option<&ClipShape>) -> String {

@@ -34,23 +34,6 @@ pub enum PortType {
 }
 
 impl PortType {
-    /// Every type, in the order of the data flow.
-    pub const ALL: [Self; 13] = [
-        Self::Frames,
-        Self::Audio,
-        Self::Tracks,
-        Self::Motion,
-        Self::Path,
-        Self::Image,
-        Self::Lines,
-        Self::Faces,
-        Self::Importance,
-        Self::Warp,
-        Self::Mesh,
-        Self::Skeleton,
-        Self::File,
-    ];
-
     /// It carries pixels.
     pub const fn is_picture(self) -> bool {
         matches!(self, Self::Frames | Self::Image)

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::morphing::{of_file, pose_of, report_line, write_report};
+use super::morphing::{of_file, report_line, write_report};
 use super::prelude::*;
 use super::values::Posed;
 use plumbline_shape::mesh::{Model, RepairOptions, Repaired, repair};
@@ -42,7 +42,7 @@ impl Stage for ComposeSettings {
     }
 
     fn run(&self, (base, part): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let (base, part) = (pose_of(&base)?, pose_of(&part)?);
+        let (base, part) = (base.mesh()?, part.mesh()?);
         // The seam, in vertices of the meshes as they were read.
         let in_seam = of_file(&self.seam);
         let file = SeamFile::read(self.seam.as_ref()).map_err(&in_seam)?;

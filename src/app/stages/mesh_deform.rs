@@ -88,9 +88,9 @@ impl Stage for MeshDeformSettings {
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let path = Path::new(&self.handles);
         let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
-        let rest = posed.last().to_vec();
-        let handles = HandleFile::read(path).and_then(|file| file.of_mesh(&rest)).map_err(|e| of_file(&e))?;
-        let mesh = posed.model.mesh().with_positions(rest).map_err(|e| RunError::Internal(e.to_string()))?;
+        let mesh = posed.mesh()?;
+        let handles =
+            HandleFile::read(path).and_then(|file| file.of_mesh(mesh.positions())).map_err(|e| of_file(&e))?;
         let solvable = Solvable::new(&mesh, &context.job.run())?;
         let bound = Bound::new(&handles, mesh.positions(), &solvable, self.roi).map_err(|e| match e {
             RunError::Input(text) => of_file(&text),

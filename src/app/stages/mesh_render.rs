@@ -116,8 +116,7 @@ impl Stage for MeshRenderSettings {
     }
 
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let mesh = posed.model.mesh().with_positions(posed.last().to_vec());
-        let mesh = mesh.map_err(|e| RunError::Internal(e.to_string()))?;
+        let mesh = posed.mesh()?;
         if mesh.triangle_count() == 0 {
             context.warn("there is no triangle to draw".to_owned());
         }

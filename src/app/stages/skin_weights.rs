@@ -39,8 +39,7 @@ impl Stage for SkinWeightsSettings {
 
     fn run(&self, (posed, rig): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let skeleton = &rig.skeleton;
-        let rest = posed.last().to_vec();
-        let mesh = posed.model.mesh().with_positions(rest).map_err(|e| RunError::Internal(e.to_string()))?;
+        let mesh = posed.mesh()?;
         let options = &self.options;
         context.job.check_cancel()?;
         let (weights, report) =

@@ -9,11 +9,12 @@ use nalgebra::Point3;
 use super::photo::lens::Found;
 use crate::pipeline::port::PortType;
 use crate::pipeline::port_value::PortValue;
+use crate::pipeline::run_error::RunError;
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
 use plumbline_photo::{Line, PhotoWarp};
 use plumbline_shape::character::io::Rig;
-use plumbline_shape::mesh::Model;
+use plumbline_shape::mesh::{Model, TriMesh};
 
 impl PortValue for Arc<Photo> {
     const DATA: PortType = PortType::Image;
@@ -87,6 +88,15 @@ pub struct Posed {
 impl Posed {
     pub(crate) fn at_rest(model: Model) -> Self {
         Self { model: Arc::new(model), poses: Arc::default(), handles: Arc::default() }
+    }
+
+    /// The mesh in its last pose.
+    ///
+    /// # Errors
+    /// [`RunError::Internal`] where the pose does not fit the mesh.
+    pub(crate) fn mesh(&self) -> Result<TriMesh, RunError> {
+        let moved = self.model.mesh().with_positions(self.last().to_vec());
+        moved.map_err(|e| RunError::Internal(e.to_string()))
     }
 
     /// Positions of the last pose.

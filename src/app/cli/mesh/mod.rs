@@ -29,7 +29,7 @@ pub(super) struct MeshArgs {
 #[derive(Debug, Subcommand)]
 enum MeshCommand {
     /// Show what is in mesh files, and what repair would change
-    Info(InfoArgs),
+    Info(ReadArgs),
     /// Make meshes oriented manifolds, and report the changes
     Repair(RepairArgs),
     /// Write meshes in another format
@@ -51,30 +51,17 @@ struct ReadArgs {
 }
 
 #[derive(Debug, Args)]
-struct InfoArgs {
+struct RepairArgs {
     #[command(flatten)]
     read: ReadArgs,
-}
-
-/// Which flaws repair corrects.
-#[derive(Debug, Args)]
-struct FaultArgs {
+    #[command(flatten)]
+    target: MeshTargetArgs,
     /// Join vertices with equal coordinates (exact), none (never), or those within this fraction of the diagonal
     #[arg(long, default_value = "exact", value_name = "exact|never|FRACTION", value_parser = weld)]
     weld: Weld,
     /// A triangle whose height is at most this fraction of its longest side has no area
     #[arg(long, default_value_t = RepairOptions::default().flat, value_name = "FRACTION", value_parser = fraction)]
     flat: f64,
-}
-
-#[derive(Debug, Args)]
-struct RepairArgs {
-    #[command(flatten)]
-    read: ReadArgs,
-    #[command(flatten)]
-    target: MeshTargetArgs,
-    #[command(flatten)]
-    faults: FaultArgs,
 }
 
 #[derive(Debug, Args)]
@@ -107,9 +94,9 @@ struct Report {
 impl MeshArgs {
     pub(super) fn run(self) -> Result<Exit, Failure> {
         match self.command {
-            MeshCommand::Info(args) => args.read.each(|_, model, format| info(model, format)),
+            MeshCommand::Info(read) => read.each(|_, model, format| info(model, format)),
             MeshCommand::Repair(args) => {
-                let options = RepairOptions { weld: args.faults.weld, flat: args.faults.flat };
+                let options = RepairOptions { weld: args.weld, flat: args.flat };
                 let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
                 args.read.each(|k, model, _| repaired(model, &options, &targets[k]))
             }

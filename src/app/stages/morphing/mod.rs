@@ -6,16 +6,8 @@ pub(crate) mod shapes;
 use serde_json::Value as Json;
 
 use super::context::Context;
-use super::values::Posed;
 use crate::pipeline::run_error::RunError;
-use plumbline_shape::mesh::TriMesh;
 use plumbline_shape::morph::MorphError;
-
-/// The mesh in its last pose.
-pub(crate) fn pose_of(posed: &Posed) -> Result<TriMesh, RunError> {
-    let moved = posed.model.mesh().with_positions(posed.last().to_vec());
-    moved.map_err(|e| RunError::Internal(e.to_string()))
-}
 
 /// The same, of a file.
 pub(crate) fn of_file(path: &str) -> impl Fn(MorphError) -> RunError + use<'_> {

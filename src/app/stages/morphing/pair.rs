@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Point3;
 use serde_json::{Value as Json, json};
 
-use super::{of_file, pose_of, report_line};
+use super::{of_file, report_line};
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh::solvable::Solvable;
@@ -43,7 +43,7 @@ impl Pair {
         over: CorrespondenceMethod,
         tolerance: Option<f64>,
     ) -> Result<Self, RunError> {
-        let [a, b] = [pose_of(&first)?, pose_of(&second)?];
+        let [a, b] = [first.mesh()?, second.mesh()?];
         for (which, mesh) in [("first", &a), ("second", &b)] {
             if !(mesh.area() > 0.0) {
                 return Err(MorphError::Empty { which }.into());
