@@ -98,7 +98,8 @@ pub struct VideoInfo {
     pub field_order: FieldOrder,
     /// Short name of the codec.
     pub codec: String,
-    /// Frames in the stream, if known from the container; trimming and edit lists are not taken into account.
+    /// Frames in the stream, if known from the container; of a trimmed span, by its length and the mean rate. Edit lists are
+    /// not taken into account.
     pub frames_estimate: Option<u64>,
     /// Length, s, of the trimmed span where one was asked for.
     pub duration_s: Option<f64>,

@@ -312,21 +312,24 @@ fn describe_video(input: &Input, core: &Core, first: &AvFrame, unpacker: &Unpack
     let order = if first.is_interlaced() { Some(first.is_top_first()) } else { stream.declared_field_order() };
     let (mastering, light) = first.hdr_bytes();
     let owned = |b: Option<&[u8]>| b.map(<[u8]>::to_vec);
+    let frame_rate = Ratio::known(stream.average_rate()).or_else(|| Ratio::known(stream.base_rate()));
+    let duration_s = span_seconds(input, &core.demuxer, core.stream);
+    let of_span = || duration_s.zip(frame_rate).map(|(seconds, rate)| (seconds * rate.value()).round() as u64);
     VideoInfo {
         width,
         height,
         format: unpacker.format(),
         source_format: unpacker.source_format(),
         timebase: Timebase { num: base.num, den: base.den },
-        frame_rate: Ratio::known(stream.average_rate()).or_else(|| Ratio::known(stream.base_rate())),
+        frame_rate,
         sample_aspect: Ratio::known(stream.sample_aspect()).or_else(|| Ratio::known(first.sample_aspect())),
         rotation_deg,
         mirrored,
         color: first.color(),
         field_order: FieldOrder::from_top_first(order),
         codec: stream.codec_name(),
-        frames_estimate: stream.frames(),
-        duration_s: span_seconds(input, &core.demuxer, core.stream),
+        frames_estimate: if input.is_trimmed() { of_span() } else { stream.frames() },
+        duration_s,
         stream: core.stream,
         chroma_location: first.chroma_location(),
         hdr: HdrBytes { mastering: owned(mastering), light: owned(light) },

@@ -238,6 +238,8 @@ fn a_trimmed_clip_begins_at_its_beginning_with_its_sound() {
     let args = format!("{} {tone} -c:v libx264 -g 12 -bf 2 -c:a aac", pattern(100));
     let clip = make(folder.path(), "long.mp4", &args);
     let span = input(&clip).trimmed(Some(1.0), Some(2.2)).expect("a span");
+    let opened = VideoReader::open(&span, &ReadOptions::default()).expect("opens");
+    assert_eq!(opened.info().frames_estimate, Some(30), "frames of the span, not of the clip");
     let result = folder.path().join("out.mp4");
     let (read, _) = transcode(&span, &result, &fast()).expect("transcodes");
     assert_eq!(read.frames, 30);
