@@ -7,6 +7,11 @@ use serde_json::json;
 
 use super::syntax::{Sources, Span};
 
+/// Longest line that is drawn, bytes; of longer ones an excerpt is shown.
+const MAX_LINE: usize = 400;
+/// Characters of an excerpt before and after the column of the fault.
+const EXCERPT: (usize, usize) = (30, 50);
+
 /// One fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
@@ -73,9 +78,9 @@ impl Problems {
         let mut out = String::new();
         for problem in &self.problems {
             let shown = Located { problem, sources: &self.sources, text: self.named_source(problem) };
-            let graphical = shown.text.is_some() && handler.render_report(&mut out, &shown).is_ok();
-            if !graphical {
-                out.push_str(&plain(problem));
+            let drawable = shown.text.is_some() && !self.is_on_long_lines(problem);
+            if !drawable || handler.render_report(&mut out, &shown).is_err() {
+                out.push_str(&self.plain(problem));
             }
         }
         out
@@ -92,6 +97,31 @@ impl Problems {
             json!({"code": p.code, "severity": "error", "message": p.message, "file": file, "span": span, "help": p.help})
         };
         self.problems.iter().map(one).collect()
+    }
+
+    /// A line that would be drawn, one with a label or beside one, is too long to be read.
+    fn is_on_long_lines(&self, problem: &Problem) -> bool {
+        let long = |span: &Span| {
+            let (line, _) = self.sources.line_column(*span);
+            let text = self.sources.get(span.source).map_or("", |source| source.text.as_str());
+            text.lines().skip(line.saturating_sub(2)).take(3).any(|line| line.len() > MAX_LINE)
+        };
+        problem.labels.iter().any(|(span, _)| long(span))
+    }
+
+    /// The fault without a drawing: where it is, and what is around the column.
+    fn plain(&self, problem: &Problem) -> String {
+        let excerpt = |(span, label): &(Span, String)| {
+            let (line, column) = self.sources.line_column(*span);
+            let source = self.sources.get(span.source)?;
+            let text = source.text.lines().nth(line - 1)?;
+            let from = (column - 1).saturating_sub(EXCERPT.0);
+            let around: String = text.chars().skip(from).take(EXCERPT.0 + EXCERPT.1).collect();
+            Some(format!("  {}:{line}:{column}: … {around} …: {label}\n", source.name))
+        };
+        let excerpt = problem.labels.first().and_then(excerpt).unwrap_or_default();
+        let help = problem.help.as_ref().map(|h| format!("  help: {h}\n")).unwrap_or_default();
+        format!("error: {}\n{excerpt}{help}", problem.message)
     }
 
     fn named_source(&self, problem: &Problem) -> Option<NamedSource<String>> {
@@ -112,11 +142,6 @@ impl fmt::Display for Problems {
 }
 
 impl std::error::Error for Problems {}
-
-fn plain(problem: &Problem) -> String {
-    let help = problem.help.as_ref().map(|h| format!("  help: {h}\n")).unwrap_or_default();
-    format!("error: {}\n{help}", problem.message)
-}
 
 /// A problem beside its text, in the form that miette draws.
 struct Located<'a> {
@@ -156,5 +181,22 @@ impl Diagnostic for Located<'_> {
             let start = s.start.min(length);
             LabeledSpan::new(Some(text.clone()), start, s.end.clamp(start, length) - start)
         })))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::syntax::{Source, parse};
+
+    #[test]
+    fn of_a_long_line_what_is_around_the_fault_is_shown() {
+        let numbers = "1, ".repeat(60_000);
+        let mut sources = Sources::default();
+        let id = sources.add(Source { name: "a.toml".into(), text: format!("a = [{numbers}x]\n"), base: None });
+        let problem = parse(&sources, id).expect_err("x is no value");
+        let text = Problems::new(vec![problem], sources).render(false, 100);
+        assert!(text.starts_with("error: this is not valid TOML") && text.contains("a.toml:1:180006"), "{text}");
+        assert!(text.contains("1, 1, x]") && text.len() < 400, "{text}");
     }
 }
