@@ -117,6 +117,8 @@ pub struct SurfaceSummary {
     pub weights: Option<String>,
     /// What was learnt of how it follows a skeleton.
     pub training: Option<String>,
+    /// Joints of the skeleton that was found in it.
+    pub joints: Option<usize>,
     /// Its skeleton.
     pub skeleton: Option<String>,
     /// What became of it and another.
@@ -173,6 +175,7 @@ impl Summary {
         facts.extend((self.frames > 0).then(|| format!("{} frames", self.frames)));
         facts.extend(pixels);
         if let (None, Some(surface)) = (self.size, &self.surface) {
+            facts.extend(surface.joints.map(|count| format!("{count} joints")));
             facts.push(format!("{} vertices", surface.vertices));
         }
         if let Some(ShakeSummary { before, after }) = self.shake {

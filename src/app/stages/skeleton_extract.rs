@@ -78,8 +78,7 @@ impl Stage for SkeletonExtractSettings {
     }
 
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let mesh =
-            posed.model.mesh().with_positions(posed.last().to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
+        let mesh = posed.mesh()?;
         let options = ExtractionOptions { prune: self.prune, keep: keep(self)?, ..ExtractionOptions::default() };
         let folder = self.contraction_frames.as_deref().map(Path::new);
         let mut failed = None;
@@ -165,6 +164,7 @@ fn fitted(
     );
     if let Some(surface) = &mut context.summary.surface {
         surface.repairs.clone_from(&report.repairs);
+        surface.joints = Some(fit.skeleton.joint_count());
         surface.skeleton = Some(line);
     }
     for limb in loose {
@@ -258,6 +258,7 @@ fn report_curve(
     );
     if let Some(surface) = &mut context.summary.surface {
         surface.repairs.clone_from(&report.repairs);
+        surface.joints = Some(joints);
         surface.skeleton = Some(line);
     }
     if report.parts == 1 && report.loops != report.handles {
