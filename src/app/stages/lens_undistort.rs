@@ -8,7 +8,7 @@ use std::sync::Arc;
 use nalgebra::Matrix2;
 
 use super::photo::lens::clip_lens;
-use super::photo::view;
+use super::photo::{rectified, view};
 use super::prelude::*;
 use super::video_track::focal_px_of;
 use crate::pipeline::sizes::{PictureSize, ViewAngles};
@@ -16,7 +16,7 @@ use plumbline_camera::{FieldAxis, Projection};
 use plumbline_media::VideoInfo;
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_photo::PhotoWarp;
-use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, rectify};
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target};
 use plumbline_video::stabilize::PointCarrier;
 
 /// Settings of `lens.undistort`.
@@ -82,14 +82,11 @@ impl Stage for LensUndistortSettings {
             clip_lens(&self.lens, self.fov, self.fov_axis, (video.width, video.height), || focal_px_of(&input))?;
         found.warnings.into_iter().for_each(|w| context.warn(w));
         let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], saliency: None };
-        let mut options = options(self, &video);
-        let mut warp = rectify(&input, &options, &context.job.run())?;
-        let wanted = self.size.map_or(warp.size, |size| size.pixels(warp.size));
-        let even = even_size((wanted.0 as f64, wanted.1 as f64), &video);
-        if even != warp.size {
-            options.size = OutputSize::Exact(even.0, even.1);
-            warp = rectify(&input, &options, &context.job.run())?;
-        }
+        let even = |natural| {
+            let wanted = self.size.map_or(natural, |size| size.pixels(natural));
+            even_size((wanted.0 as f64, wanted.1 as f64), &video)
+        };
+        let warp = rectified(&input, &options(self, &video), even, &context.job.run())?;
         context.values.put(stage, "warp", Undistorted::new(warp, (video.width, video.height)));
         Ok(HandedOn)
     }
@@ -168,6 +165,7 @@ mod tests {
     use plumbline_camera::{FieldOfView, Lens};
     use plumbline_num::run::Run;
     use plumbline_num::time::Timestamp;
+    use plumbline_photo::rectify::rectify;
     use plumbline_video::track::{FrameQuality, FrameTracks, Observation};
 
     fn undistorted() -> Undistorted {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde_json::{Map, json};
 
 use super::photo::lens::{self, LensRequest};
-use super::photo::{rectangle, rects, report_lines, view};
+use super::photo::{rectangle, rectified, rects, report_lines, view};
 use super::prelude::*;
 use super::values::{LineSet, PhotoMap};
 use crate::pipeline::sizes::{PictureSize, TargetSize, ViewAngles, ViewField};
@@ -13,7 +13,7 @@ use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
 use plumbline_photo::line_detection::off_faces;
-use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, Window, rectify};
+use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, Window};
 
 /// Settings of `photo.rectify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -104,20 +104,15 @@ impl Stage for PhotoRectifySettings {
         };
         found.warnings.iter().for_each(|w| context.warn(w.clone()));
         context.job.check_cancel()?;
-        // The map; again where the size asked for depends on the size of the result.
+        // The map, in a size that may depend on that of the result.
         let input = RectifyInput {
             lens: &found.lens,
             lines: &lines,
             faces: &faces,
             saliency: importance.as_ref().map(|i| i.plane()),
         };
-        let mut options = options(self, &found.lens);
-        let mut warp = rectify(&input, &options, &context.job.run())?;
-        let wanted = self.size.map_or(warp.size, |size| size.pixels(warp.size));
-        if wanted != warp.size {
-            options.size = OutputSize::Exact(wanted.0, wanted.1);
-            warp = rectify(&input, &options, &context.job.run())?;
-        }
+        let wanted = |natural| self.size.map_or(natural, |size| size.pixels(natural));
+        let warp = rectified(&input, &options(self, &found.lens), wanted, &context.job.run())?;
         // The summary and the report.
         report_lines(context, &warp.lines);
         warn_of_cut_faces(context, &warp.cut_faces);

@@ -15,8 +15,9 @@ use plumbline_image::Frame;
 use plumbline_image::feature::Face;
 use plumbline_image::still::{self, LoadOptions, Photo, StillError, flattened};
 use plumbline_num::math::Rect;
-use plumbline_photo::LineReport;
-use plumbline_photo::rectify::View;
+use plumbline_num::run::Run;
+use plumbline_photo::rectify::{OutputSize, Rectifier, RectifyInput, RectifyOptions, Target, View, rectify};
+use plumbline_photo::{LineReport, PhotoWarp};
 
 /// Boxes around faces.
 pub(crate) fn rects(faces: Option<&[Face]>) -> Vec<Rect> {
@@ -27,6 +28,32 @@ pub(crate) fn rects(faces: Option<&[Face]>) -> Vec<Rect> {
 pub(crate) fn with_pixels(photo: &Photo, frame: Frame) -> Photo {
     let (exif, icc, tags) = (photo.exif.clone(), photo.icc.clone(), photo.tags.clone());
     Photo { frame, exif, tags, icc, format: photo.format, warnings: Vec::new() }
+}
+
+/// The map of a picture. Where its natural size is not the one that `wanted` makes of it, it is framed again: only the frame
+/// depends on the size, and what takes long is solved once.
+pub(crate) fn rectified(
+    input: &RectifyInput<'_>,
+    options: &RectifyOptions,
+    wanted: impl FnOnce((usize, usize)) -> (usize, usize),
+    run: &Run,
+) -> Result<PhotoWarp, RunError> {
+    let mut rectifier =
+        (options.target == Target::Optimized).then(|| Rectifier::new(input, options, run)).transpose()?;
+    let natural = match &rectifier {
+        Some(rectifier) => rectifier.warp()?,
+        None => rectify(input, options, run)?,
+    };
+    let (width, height) = wanted(natural.size);
+    if (width, height) == natural.size {
+        return Ok(natural);
+    }
+    let size = OutputSize::Exact(width, height);
+    let Some(rectifier) = &mut rectifier else {
+        return Ok(rectify(input, &RectifyOptions { size, ..options.clone() }, run)?);
+    };
+    rectifier.set_frame(options.crop, size)?;
+    Ok(rectifier.warp()?)
 }
 
 /// Reports how straight lines became, and names those that did not.
