@@ -114,7 +114,7 @@ impl Stage for PhotoRectifySettings {
         let wanted = |natural| self.size.map_or(natural, |size| size.pixels(natural));
         let warp = rectified(&input, &options(self, &found.lens), wanted, &context.job.run())?;
         // The summary and the report.
-        report_lines(context, &warp.lines);
+        report_lines(context, &warp.lines, &[]);
         warn_of_cut_faces(context, &warp.cut_faces);
         let mut report = Map::new();
         let lens = &found.lens;

@@ -52,10 +52,7 @@ impl Stage for PhotoRetargetSettings {
         let out = size.pixels(source);
         let options = RetargetOptions::default();
         let made = retarget(source, out, &importance, &lines, &faces, &options, &context.job.run())?;
-        for name in &made.released {
-            context.warn(format!("line `{name}` could not stay straight with the others and was let go"));
-        }
-        report_lines(context, &made.warp.lines);
+        report_lines(context, &made.warp.lines, &made.released);
         let mut report = Map::new();
         let (min, max) = (made.window.min, made.window.max);
         report.insert("window_px".into(), json!([min.x, min.y, max.x, max.y]));

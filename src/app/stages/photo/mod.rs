@@ -56,14 +56,30 @@ pub(crate) fn rectified(
     Ok(rectifier.warp()?)
 }
 
-/// Reports how straight lines became, and names those that did not.
-pub(crate) fn report_lines(context: &mut Context<'_, '_>, lines: &[LineReport]) {
-    let worst = lines.iter().max_by(|a, b| a.max_px.total_cmp(&b.max_px)).map(|l| (l.name.clone(), l.max_px));
+/// Reports how straight lines became, and warns of those that did not; `released` are those that were let go for the others.
+pub(crate) fn report_lines(context: &mut Context<'_, '_>, lines: &[LineReport], released: &[String]) {
+    let worst = worst_of(lines.iter()).map(|l| (l.name.clone(), l.max_px));
     context.summary.lines = Some(LinesSummary { count: lines.len(), worst });
-    for line in lines.iter().filter(|l| l.is_bent()) {
-        let (name, off) = (&line.name, line.max_px);
-        context.warn(format!("line `{name}` could not be made straight: it is off by {off:.1} px"));
-    }
+    bent_lines(lines, released).into_iter().for_each(|warning| context.warn(warning));
+}
+
+fn worst_of<'l>(lines: impl Iterator<Item = &'l LineReport>) -> Option<&'l LineReport> {
+    lines.max_by(|a, b| a.max_px.total_cmp(&b.max_px))
+}
+
+/// A warning of the lines that were let go, and one of the others that are bent, each with the worst of them.
+fn bent_lines(lines: &[LineReport], released: &[String]) -> Vec<String> {
+    let (gone, kept): (Vec<_>, Vec<_>) = lines.iter().partition(|l| released.contains(&l.name));
+    let bent: Vec<_> = kept.into_iter().filter(|l| l.is_bent()).collect();
+    let warning = |(lines, what): (Vec<&LineReport>, &str)| {
+        let LineReport { name, max_px, .. } = worst_of(lines.iter().copied())?;
+        Some(match lines.len() {
+            1 => format!("line `{name}` {what}: it is off by {max_px:.1} px"),
+            count => format!("{count} lines {what}; the worst, `{name}`, is off by {max_px:.1} px"),
+        })
+    };
+    let groups = [(gone, "could not stay straight with the others"), (bent, "could not be made straight")];
+    groups.into_iter().filter_map(warning).collect()
 }
 
 /// An error of a picture's file in the terms of a run.
@@ -89,4 +105,31 @@ pub(crate) fn painted_mask(path: &Path) -> Result<Frame, RunError> {
 /// Degrees to radians.
 pub(crate) fn view(angles: ViewAngles) -> View {
     View { yaw: angles.yaw.to_radians(), pitch: angles.pitch.to_radians(), roll: angles.roll.to_radians() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_that_did_not_become_straight_are_counted_in_one_warning_with_the_worst() {
+        let line = |name: &str, max_px| LineReport {
+            name: name.to_owned(),
+            max_px,
+            rms_px: 0.0,
+            length_px: 100.0,
+            angle: 0.0,
+            angle_error: None,
+            off_lens_px: None,
+            shown: 1.0,
+        };
+        let lines = [line("a", 30.0), line("b", 0.1), line("c", 40.5), line("d", 50.0)];
+        let released = ["a".to_owned(), "c".to_owned()];
+        let expected = [
+            "2 lines could not stay straight with the others; the worst, `c`, is off by 40.5 px",
+            "line `d` could not be made straight: it is off by 50.0 px",
+        ];
+        assert_eq!(bent_lines(&lines, &released), expected);
+        assert!(bent_lines(&lines[1..2], &[]).is_empty());
+    }
 }

@@ -53,7 +53,7 @@ pub(crate) fn make(
         }
     }
     // The summary and the report.
-    report_lines(context, &made.warp.lines);
+    report_lines(context, &made.warp.lines, &[]);
     let mut report = Map::new();
     report.insert("inside".into(), json!(outline.inside_fraction()));
     report.insert("stretch".into(), json!(made.stretch));
