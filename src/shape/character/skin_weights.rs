@@ -97,19 +97,6 @@ impl SkinWeights {
         Self::new(joint_count, joints.iter().map(|&j| [(j, 1.0)]))
     }
 
-    /// From a dense row-major table `#V × joint_count`, normalized; every row must have a sum above 0.
-    ///
-    /// # Errors
-    /// As [`Self::normalized`].
-    ///
-    /// # Panics
-    /// If the length of the table is not a multiple of `joint_count`.
-    pub fn from_dense(joint_count: usize, table: &[f64]) -> Result<(Self, Normalization), CharacterError> {
-        assert_eq!(table.len() % joint_count.max(1), 0, "whole rows");
-        let row = |r: &[f64]| (0..).zip(r.to_vec()).collect::<Vec<(u32, f64)>>();
-        Self::normalized(joint_count, table.chunks(joint_count.max(1)).map(row), None)
-    }
-
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.starts.len() - 1

@@ -73,14 +73,6 @@ impl<const N: usize> Keys<N> {
         Ok(Self { times, values, interpolation })
     }
 
-    /// A constant curve.
-    ///
-    /// # Errors
-    /// [`CharacterError::Input`] for a value that is not finite.
-    pub fn constant(value: [f64; N]) -> Result<Self, CharacterError> {
-        Self::new(vec![0.0], vec![value], Interpolation::Step)
-    }
-
     /// Key times, s, strictly increasing; at least one.
     pub fn times(&self) -> &[f64] {
         &self.times

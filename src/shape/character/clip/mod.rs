@@ -13,7 +13,6 @@
 //! Derivatives*, SIGGRAPH 1995, §4 (Hermite quaternion curve). Khronos Group, *glTF 2.0*, appendix C (interpolation).
 
 mod keys;
-mod retiming;
 mod rotation;
 #[cfg(test)]
 mod tests;

@@ -51,7 +51,7 @@ impl RotationKeys {
         }
         match &keys.interpolation {
             Interpolation::Step => self.key(k),
-            Interpolation::Linear => self.key(k) * UnitQuaternion::from_scaled_axis(self.turn(k) * u),
+            Interpolation::Linear => self.key(k) * UnitQuaternion::from_scaled_axis(self.step(k) * u),
             Interpolation::Cubic { arriving, leaving } => {
                 let value = |k: usize| Vector4::from(keys.values[k]);
                 let tangents = [leaving[k].into(), arriving[k + 1].into()];
@@ -63,26 +63,24 @@ impl RotationKeys {
     }
 
     /// Rotation vector from key `k` to the next on the shortest path, in the frame of key `k`.
-    fn turn(&self, k: usize) -> Vector3<f64> {
-        let (a, b) = (self.key(k), self.key(k + 1));
-        let turn = a.inverse() * b;
-        if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn }.scaled_axis()
+    fn step(&self, k: usize) -> Vector3<f64> {
+        (self.key(k).inverse() * self.key(k + 1)).scaled_axis()
     }
 
     /// Hermite quaternion curve of Kim, Kim and Shin: the control rotations of a Bézier curve with the velocities at both keys.
     fn smooth(&self, k: usize, u: f64, step: f64) -> UnitQuaternion<f64> {
-        let turn = UnitQuaternion::from_scaled_axis;
+        let exp = UnitQuaternion::from_scaled_axis;
         let first = self.velocity(k) * (step / 3.0);
         let last = self.velocity(k + 1) * (step / 3.0);
-        let middle = (turn(first).inverse() * turn(self.turn(k)) * turn(last).inverse()).scaled_axis();
+        let middle = (exp(first).inverse() * exp(self.step(k)) * exp(last).inverse()).scaled_axis();
         // Cumulative Bernstein polynomials.
         let b = [1.0 - (1.0 - u).powi(3), u * u * (3.0 - 2.0 * u), u * u * u];
-        self.key(k) * turn(first * b[0]) * turn(middle * b[1]) * turn(last * b[2])
+        self.key(k) * exp(first * b[0]) * exp(middle * b[1]) * exp(last * b[2])
     }
 
     /// Angular velocity of the smooth curve at a key, in the frame of the key.
     fn velocity(&self, k: usize) -> Vector3<f64> {
         let times = &self.0.times;
-        joined_rate(times, k, |k| self.turn(k) / (times[k + 1] - times[k]))
+        joined_rate(times, k, |k| self.step(k) / (times[k + 1] - times[k]))
     }
 }

@@ -102,47 +102,6 @@ fn rotations_interpolate_on_the_shortest_path_for_any_quaternion_signs() {
 }
 
 #[test]
-fn a_retimed_clip_has_the_old_pose_at_the_mapped_time() {
-    let tangents: Vec<[f64; 3]> = (0..4).map(|k| [f64::from(k), 1.0, -0.5]).collect();
-    let leaving = tangents.iter().rev().copied().collect();
-    let cubic = Interpolation::Cubic { arriving: tangents, leaving };
-    let turning = rotations(vec![0.0, 0.5, 2.0, 2.25], &turns(), Interpolation::Linear).expect("valid");
-    let tracks = vec![
-        Track { joint: 1, curve: Curve::Translation(keys(cubic)) },
-        Track { joint: 0, curve: Curve::Rotation(turning) },
-        Track { joint: 0, curve: Curve::Scale(keys(Interpolation::Step)) },
-    ];
-    let clip = Clip::new("c", tracks, vec![]).expect("valid");
-    for (start, speed) in [(0.0, 1.0), (3.0, 2.5), (-1.0, -0.5)] {
-        let other = clip.retimed(start, speed).expect("valid");
-        for t in (0..44).map(|k| f64::from(k) * 0.05 + 0.013) {
-            let a = clip.pose(&chain(), t, Extrapolation::Constant).expect("valid");
-            let b = other.pose(&chain(), start + t / speed, Extrapolation::Constant).expect("valid");
-            for (a, b) in a.locals.iter().zip(&b.locals) {
-                assert!((a.matrix() - b.matrix()).amax() < 1e-9, "{start} {speed} {t}");
-            }
-        }
-    }
-    let again = clip.retimed(0.0, -1.0).and_then(|c| c.retimed(0.0, -1.0)).expect("valid");
-    assert_eq!(again.tracks()[0], clip.tracks()[0], "backwards twice is forwards");
-}
-
-#[test]
-fn samples_are_at_the_rate_and_at_both_ends() {
-    let clip = Clip::new("c", vec![Track { joint: 0, curve: Curve::Scale(keys(Interpolation::Smooth)) }], vec![])
-        .expect("valid");
-    let sampled = clip.sampled(0.5, 1.35, 10.0).expect("valid");
-    let times = sampled.tracks()[0].curve.times();
-    assert_eq!((times.len(), times[0], times[1]), (10, 0.0, 0.1));
-    assert!((times[9] - 0.85).abs() < 1e-12);
-    let [a, b] =
-        [clip.pose(&chain(), 1.35, Extrapolation::Constant), sampled.pose(&chain(), 0.85, Extrapolation::Constant)]
-            .map(|p| p.expect("valid"));
-    assert!((a.locals[0].scale - b.locals[0].scale).norm() < 1e-12);
-    assert!(clip.sampled(1.0, 1.0, 10.0).is_err() && clip.sampled(0.0, 1.0, f64::NAN).is_err());
-}
-
-#[test]
 fn extrapolation_repeats_or_is_constant() {
     let clip = Clip::new("c", vec![Track { joint: 1, curve: Curve::Scale(keys(Interpolation::Linear)) }], vec![])
         .expect("valid");

@@ -236,7 +236,8 @@ fn ends_of_limbs_keep_their_rest_rotation_and_morphs_are_dropped() {
     // A clip of nothing: all joints as in the template except the ends of limbs.
     let morph = crate::character::clip::MorphTrack {
         target: 0,
-        keys: crate::character::Keys::constant([1.0]).expect("finite"),
+        keys: crate::character::Keys::new(vec![0.0], vec![[1.0]], crate::character::Interpolation::Step)
+            .expect("finite"),
     };
     let still = crate::character::Clip::new("still", Vec::new(), vec![morph]).expect("valid");
     let there = fit.retargeted(skeleton, &still).expect("its own");

@@ -1,11 +1,10 @@
-//! Skeleton, character and clip files: glTF and BVH, `.tgf` and `.skel` skeletons are read and written; `.anim` clips and `.ini`
-//! characters are read.
+//! Skeleton, character and clip files: glTF and BVH, `.tgf` and `.skel` skeletons are read and written; `.anim` clips
+//! are read.
 //!
 //! Readers validate counts, parents and finiteness, and report the position of a fault in the file.
 
 mod bvh;
 mod gltf;
-mod ini;
 mod skel;
 mod text;
 mod tgf;
@@ -18,7 +17,6 @@ use plumbline_num::run::Run;
 
 pub use bvh::{bvh_text, parse_bvh};
 pub use gltf::character_of;
-pub use ini::read_ini;
 pub use skel::{parse_anim, parse_skel, skel_text};
 pub use tgf::{parse_tgf, tgf_text};
 

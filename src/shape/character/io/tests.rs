@@ -120,30 +120,6 @@ fn anim_clips_rotate_about_their_axes() {
 }
 
 #[test]
-fn ini_characters_are_read_from_the_files_beside_them() {
-    let folder = tempfile::tempdir().expect("writable");
-    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("writable");
-    put("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
-    put("a.skel", "1\n0 0 0 a root\n");
-    put("a0.anim", "1 1\n0\n1 0 0\n0.5\n");
-    put("a1.anim", "1 1\n0\n1 0 0\n0.7\n");
-    put("a.ini", "SIMMESH \"a.off\"\nUPSAMPLING x.txt\nSKELETON a.skel\nANIMATION a0.anim a\n");
-    let (model, rig) = read_ini(&folder.path().join("a.ini")).expect("valid");
-    let names: Vec<&str> = rig.clips.iter().map(Clip::name).collect();
-    assert_eq!(
-        (model.mesh().vertex_count(), names, rig.warnings),
-        (3, vec!["a0", "a1"], vec!["UPSAMPLING is left out".into()])
-    );
-    put("b.ini", "SIMMESH ../a.off\n");
-    let told = read_ini(&folder.path().join("b.ini")).expect_err("to be refused").to_string();
-    assert!(told.contains("b.ini: ini, line 1: \"../a.off\" leads outside the folder"), "{told}");
-    put("c.ini", "SIMMESH a.off\nSKELETON bad.skel\n");
-    put("bad.skel", "2\n0 0 0 a root\n0 NaN 0 b a\n");
-    let told = read_ini(&folder.path().join("c.ini")).expect_err("to be refused").to_string();
-    assert!(told.contains("bad.skel: skel, line 3: \"NaN\" is no finite number"), "{told}");
-}
-
-#[test]
 fn the_format_follows_from_the_extension() {
     let folder = tempfile::tempdir().expect("writable");
     for extension in ["json", "bvh", "tgf", "skel"] {
