@@ -88,13 +88,13 @@ impl AabbTree {
         // Generic directions, unlikely to lie in a plane of a modeled surface.
         const DIRECTIONS: [[f64; 3]; 3] = [[0.751, 0.433, 0.499], [-0.267, 0.802, -0.534], [0.302, -0.503, 0.810]];
         let inside = |d: [f64; 3]| {
-            let (mut count, mut turns) = (0, 0);
+            let (mut count, mut winding) = (0, 0);
             self.along(&Ray::new(p, &Vector3::from(d)), f64::INFINITY, &mut |_, leaves| {
                 count += 1;
-                turns += if leaves { 1 } else { -1 };
+                winding += if leaves { 1 } else { -1 };
                 f64::INFINITY
             });
-            if self.oriented { turns != 0 } else { count % 2 == 1 }
+            if self.oriented { winding != 0 } else { count % 2 == 1 }
         };
         let [first, second, third] = DIRECTIONS;
         let said = inside(first);

@@ -31,9 +31,9 @@ fn round(graph: &mut CurveGraph, tree: &AabbTree, v: u32) {
     if straight {
         return;
     }
-    let place = at + (nalgebra::center(&p, &q) - at) * 0.5;
+    let position = at + (nalgebra::center(&p, &q) - at) * 0.5;
     // The path of the node and its new edges must not cross the surface.
-    if ![at, p, q].iter().any(|to| tree.is_hit(&place, &(to - place), 1.0)) {
-        graph.nodes[v as usize] = place;
+    if ![at, p, q].iter().any(|to| tree.is_hit(&position, &(to - position), 1.0)) {
+        graph.nodes[v as usize] = position;
     }
 }

@@ -108,13 +108,13 @@ pub(super) fn center(
 
 /// Smooths the curve over a fraction of the local radius; ends are fixed.
 fn smooth(graph: &mut CurveGraph, alive: &[u32], radii: &[f64], share: f64, run: &Run) -> Result<(), CharacterError> {
-    let held = |v: u32| graph.pinned[v as usize] || graph.degree(v) < 2;
-    let mut fairing = Fairing::new(graph, alive, radii, share, held, run)?;
-    let free: Vec<u32> = alive.iter().copied().filter(|v| !held(*v)).collect();
-    let mut places: Vec<Vector3<f64>> = graph.nodes.iter().map(|p| p.coords).collect();
-    fairing.apply(&mut places);
+    let fixed = |v: u32| graph.pinned[v as usize] || graph.degree(v) < 2;
+    let mut fairing = Fairing::new(graph, alive, radii, share, fixed, run)?;
+    let free: Vec<u32> = alive.iter().copied().filter(|v| !fixed(*v)).collect();
+    let mut positions: Vec<Vector3<f64>> = graph.nodes.iter().map(|p| p.coords).collect();
+    fairing.apply(&mut positions);
     for v in free {
-        graph.nodes[v as usize] = Point3::from(places[v as usize]);
+        graph.nodes[v as usize] = Point3::from(positions[v as usize]);
     }
     Ok(())
 }
@@ -122,9 +122,9 @@ fn smooth(graph: &mut CurveGraph, alive: &[u32], radii: &[f64], share: f64, run:
 /// Brings nodes outside a closed surface back inside.
 fn bring_nodes_in(graph: &mut CurveGraph, tree: &AabbTree) {
     for v in graph.alive().filter(|v| !graph.pinned[*v as usize]).collect::<Vec<_>>() {
-        let place = graph.nodes[v as usize];
-        if !tree.encloses(&place) {
-            graph.nodes[v as usize] = brought_in(tree, place).unwrap_or(place);
+        let position = graph.nodes[v as usize];
+        if !tree.encloses(&position) {
+            graph.nodes[v as usize] = brought_in(tree, position).unwrap_or(position);
         }
     }
 }
@@ -137,7 +137,7 @@ pub(super) fn keep_inside(graph: &mut CurveGraph, tree: &AabbTree) {
     while let Some((a, b, splits)) = edges.pop() {
         let (p, q) = (graph.nodes[a as usize], graph.nodes[b as usize]);
         let outside = outside(tree, &p, &q).filter(|_| splits > 0);
-        if let Some(inside) = outside.and_then(|place| way_round(tree, &p, &q, &place)) {
+        if let Some(inside) = outside.and_then(|position| detour_around(tree, &p, &q, &position)) {
             let new = graph.split(a, b, inside);
             edges.extend([(a, new, splits - 1), (new, b, splits - 1)]);
         }
@@ -146,15 +146,15 @@ pub(super) fn keep_inside(graph: &mut CurveGraph, tree: &AabbTree) {
 
 /// Midpoint of the first part of the segment from `p` to `q` that is outside.
 fn outside(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>) -> Option<Point3<f64>> {
-    let way = q - p;
-    let mut leaves = tree.first_hit(p, &way).filter(|t| *t < 1.0)?;
+    let along = q - p;
+    let mut leaves = tree.first_hit(p, &along).filter(|t| *t < 1.0)?;
     // A self-intersecting surface also has intersections with the inside on both sides.
     loop {
         let beyond = leaves + RAY_OFFSET;
-        let enters = tree.first_hit(&(p + way * beyond), &way).map_or(1.0, |t| (beyond + t).min(1.0));
-        let place = p + way * (0.5 * (leaves + enters));
-        if !tree.encloses(&place) {
-            return Some(place);
+        let enters = tree.first_hit(&(p + along * beyond), &along).map_or(1.0, |t| (beyond + t).min(1.0));
+        let position = p + along * (0.5 * (leaves + enters));
+        if !tree.encloses(&position) {
+            return Some(position);
         }
         if enters >= 1.0 {
             return None;
@@ -165,7 +165,7 @@ fn outside(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>) -> Option<Point3<f
 
 /// The inside point that gives the shortest path from `p` to `q` around `outside`, among midpoints of chords beyond the surface in directions
 /// perpendicular to the segment.
-fn way_round(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>, outside: &Point3<f64>) -> Option<Point3<f64>> {
+fn detour_around(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>, outside: &Point3<f64>) -> Option<Point3<f64>> {
     let along = (q - p).try_normalize(0.0)?;
     let side = along.cross(&Vector3::ith(along.iamin(), 1.0)).normalize();
     let other = along.cross(&side);
@@ -174,16 +174,16 @@ fn way_round(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>, outside: &Point3
         let across = side * angle.cos() + other * angle.sin();
         let enters = tree.first_hit(outside, &across)? * (1.0 + RAY_OFFSET);
         let leaves = tree.first_hit(&(outside + across * enters), &across)?;
-        let place = outside + across * (enters + 0.5 * leaves);
-        tree.encloses(&place).then_some(place)
+        let position = outside + across * (enters + 0.5 * leaves);
+        tree.encloses(&position).then_some(position)
     };
     let detour = |x: &Point3<f64>| Cost::new(nalgebra::distance(p, x) + nalgebra::distance(x, q));
     (0..DIRECTIONS).filter_map(beyond).min_by_key(detour).or_else(|| brought_in(tree, *outside))
 }
 
 /// An inside point reached by centering steps.
-fn brought_in(tree: &AabbTree, place: Point3<f64>) -> Option<Point3<f64>> {
-    let mut at = place;
+fn brought_in(tree: &AabbTree, position: Point3<f64>) -> Option<Point3<f64>> {
+    let mut at = position;
     (0..MAX_STEPS_INSIDE).find_map(|_| {
         at += step(tree, true, &at);
         tree.encloses(&at).then_some(at)
@@ -202,7 +202,7 @@ fn step(tree: &AabbTree, closed: bool, c: &Point3<f64>) -> Vector3<f64> {
 /// The nearest surface point of a query point.
 #[derive(Clone, Copy)]
 struct Foot {
-    place: Point3<f64>,
+    position: Point3<f64>,
     nearest: Point3<f64>,
     radius: f64,
     inside: bool,
@@ -210,28 +210,28 @@ struct Foot {
 
 impl Foot {
     /// Computes it; `before` is the foot of the same node in the previous pass, which speeds up the search.
-    fn of(place: &Point3<f64>, tree: &AabbTree, closed: bool, before: Option<&Self>) -> Option<Self> {
+    fn of(position: &Point3<f64>, tree: &AabbTree, closed: bool, before: Option<&Self>) -> Option<Self> {
         let nearest = match before {
-            Some(foot) => tree.nearest_from(place, &foot.nearest),
-            None => tree.nearest(place)?,
+            Some(foot) => tree.nearest_from(position, &foot.nearest),
+            None => tree.nearest(position)?,
         };
         // The inscribed ball contains no surface: an inside point that stays within it stays inside.
-        let still = |foot: &Self| foot.inside && nalgebra::distance(place, &foot.place) < foot.radius;
-        let inside = !closed || before.is_some_and(still) || tree.encloses(place);
-        Some(Self { place: *place, nearest, radius: nalgebra::distance(place, &nearest), inside })
+        let still = |foot: &Self| foot.inside && nalgebra::distance(position, &foot.position) < foot.radius;
+        let inside = !closed || before.is_some_and(still) || tree.encloses(position);
+        Some(Self { position: *position, nearest, radius: nalgebra::distance(position, &nearest), inside })
     }
 
     /// Step to the midpoint of the chord.
     fn step(&self, tree: &AabbTree) -> Vector3<f64> {
-        let Some(away) = (self.place - self.nearest).try_normalize(0.0) else { return Vector3::zeros() };
+        let Some(away) = (self.position - self.nearest).try_normalize(0.0) else { return Vector3::zeros() };
         if !self.inside {
             let start = self.nearest - away * (1e-6 + 1e-3 * self.radius);
             let beyond = tree.first_hit(&start, &-away).unwrap_or(0.0);
             let middle = start - away * (0.5 * beyond);
             let depth = radius(tree, &middle).min(0.5 * beyond);
-            return self.nearest - self.place - away * depth;
+            return self.nearest - self.position - away * depth;
         }
-        let Some(across) = tree.first_hit(&self.place, &away) else { return Vector3::zeros() };
+        let Some(across) = tree.first_hit(&self.position, &away) else { return Vector3::zeros() };
         away * (0.5 * (across - self.radius)).clamp(0.0, MAX_STEP * self.radius)
     }
 }

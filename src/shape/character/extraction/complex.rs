@@ -134,36 +134,54 @@ impl Complex {
         of_i.len().min(of_j.len()) > if opposite == 1 { 2 } else { 3 } || (opposite == 2 && of_i.len() + of_j.len() > 6)
     }
 
-    /// Twice the area vector of a triangle with `v` moved to `place`.
-    fn normal_with(&self, t: [u32; 3], v: u32, place: &Point3<f64>) -> Vector3<f64> {
-        let [a, b, c] = t.map(|u| if u == v { *place } else { self.positions[u as usize] });
+    /// Twice the area vector of a triangle with `v` moved to `position`.
+    fn normal_with(&self, t: [u32; 3], v: u32, position: &Point3<f64>) -> Vector3<f64> {
+        let [a, b, c] = t.map(|u| if u == v { *position } else { self.positions[u as usize] });
         (b - a).cross(&(c - a))
     }
 
     /// Whether moving `i` onto `j` rotates the normal of a remaining triangle by more than about 80° (cosine 0.2).
     pub(super) fn would_fold(&self, i: u32, j: u32) -> bool {
-        let place = self.positions[j as usize];
+        let position = self.positions[j as usize];
         self.fan(i).filter(|t| !t.contains(&j)).any(|t| {
-            let (before, after) = (self.normal_with(t, i, &self.positions[i as usize]), self.normal_with(t, i, &place));
+            let (before, after) =
+                (self.normal_with(t, i, &self.positions[i as usize]), self.normal_with(t, i, &position));
             before.dot(&after) <= 0.2 * before.norm() * after.norm()
         })
     }
 
     /// Merges `i` into `j`, whose position is kept.
     pub(super) fn collapse(&mut self, i: u32, j: u32) {
-        let place = |corners: [u32; 3], v: u32| corners.iter().position(|c| *c == v).map(|k| k as u8);
+        self.merge(i, j, |_, _| false);
+    }
+
+    /// As [`Self::collapse`]; a triangle that would have the corners of another vanishes.
+    pub(super) fn collapse_without_doubles(&mut self, i: u32, j: u32) {
+        let sorted = |mut corners: [u32; 3]| {
+            corners.sort_unstable();
+            corners
+        };
+        self.merge(i, j, |this, moved| this.fan(j).any(|other| sorted(other) == sorted(moved)));
+    }
+
+    /// Merges `i` into `j`; of the triangles without `j` those that are `dropped` after the move vanish.
+    fn merge(&mut self, i: u32, j: u32, dropped: impl Fn(&Self, [u32; 3]) -> bool) {
+        let corner = |corners: [u32; 3], v: u32| corners.iter().position(|c| *c == v).map(|k| k as u8);
         for t in std::mem::take(&mut self.fans[i as usize]) {
             let corners = self.triangles[t as usize];
-            if let (Some(from), Some(to)) = (place(corners, i), place(corners, j)) {
-                if self.collapses.last().is_none_or(|c| c.gone != i) {
-                    self.collapses.push(Collapse { gone: i, kept: j, triangle: t, corners: [from, to] });
-                }
+            let moved = corners.map(|v| if v == i { j } else { v });
+            if let (Some(from), Some(to)) = (corner(corners, i), corner(corners, j))
+                && self.collapses.last().is_none_or(|c| c.gone != i)
+            {
+                self.collapses.push(Collapse { gone: i, kept: j, triangle: t, corners: [from, to] });
+            }
+            if corners.contains(&j) || dropped(self, moved) {
                 for v in corners.into_iter().filter(|v| *v != i) {
                     self.fans[v as usize].retain(|u| *u != t);
                 }
                 self.triangles[t as usize] = [NONE; 3];
             } else {
-                self.triangles[t as usize] = corners.map(|v| if v == i { j } else { v });
+                self.triangles[t as usize] = moved;
                 self.fans[j as usize].push(t);
             }
         }

@@ -30,6 +30,7 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::ExtractionOptions;
 use super::complex::Complex;
 use super::medial::Ball;
 use super::normal_equations::NormalEquations;
@@ -37,23 +38,15 @@ use super::order::Cost;
 use crate::character::CharacterError;
 use plumbline_num::run::{Run, Stopped};
 
-/// Weights and thresholds of the contraction; lengths relative to the normalized model.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Weights {
-    pub(super) contraction: f64,
-    pub(super) attraction: f64,
-    pub(super) medial: f64,
-    /// Growth factor of the contraction weight per iteration.
-    pub(super) growth: f64,
-    /// Length below which edges collapse.
-    pub(super) short: f64,
-    /// The same as a fraction of the local radius of the shape.
-    pub(super) short_of_radius: f64,
-    pub(super) iterations: usize,
-    /// Loss of area per iteration, relative to the initial area, below which the contraction has converged.
-    pub(super) tolerance: f64,
-}
-
+/// Growth factor of the contraction weight per iteration; Au et al. use 2.
+const CONTRACTION_GROWTH: f64 = 1.2;
+/// Length below which edges collapse: three quarters of the node spacing. Shorter ones would vanish in resampling.
+const COLLAPSE_LENGTH: f64 = 0.03;
+/// The same in local radii, for limbs thinner than a tenth of the sphere of equal area: about twenty edges remain around them.
+const COLLAPSE_RADII: f64 = 0.3;
+/// Loss of area per iteration, relative to the initial area, below which the contraction has converged: twelve further iterations would
+/// remove about a thousandth of the area.
+const MIN_AREA_LOSS: f64 = 1e-4;
 /// Ratio of initial to current area at which a vertex is part of the curve and is not contracted further. At 300 limbs lose their tips, at
 /// 10 palms and ears stay sheets.
 const MAX_AREA_RATIO: f64 = 30.0;
@@ -67,7 +60,7 @@ const PIN_WEIGHT: f64 = 1e6;
 const MAX_ESCAPE_RATIO: f64 = 3.0;
 
 /// A surface being contracted.
-pub(super) struct Contraction {
+pub(super) struct Contraction<'o> {
     pub(super) complex: Complex,
     /// Medial center of each vertex.
     centers: Vec<Point3<f64>>,
@@ -76,27 +69,20 @@ pub(super) struct Contraction {
     /// Local radius of the shape at each vertex.
     radii: Vec<f64>,
     pinned: Vec<bool>,
-    weights: Weights,
+    options: &'o ExtractionOptions,
     first_area: f64,
     area: f64,
     iteration: usize,
     system: Option<NormalEquations>,
 }
 
-impl Contraction {
-    pub(super) fn new(complex: Complex, balls: &[Ball], pinned: Vec<bool>, weights: Weights) -> Self {
-        let mut mass = vec![0.0; complex.positions.len()];
-        for t in complex.faces() {
-            let [a, b, c] = t.map(|v| complex.positions[v as usize]);
-            let third = (b - a).cross(&(c - a)).norm() / 6.0;
-            for v in &t {
-                mass[*v as usize] += third;
-            }
-        }
+impl<'o> Contraction<'o> {
+    pub(super) fn new(complex: Complex, balls: &[Ball], pinned: Vec<bool>, options: &'o ExtractionOptions) -> Self {
         let area = complex.area();
         let centers = balls.iter().map(|b| b.center).collect();
         let radii = balls.iter().map(|b| b.radius).collect();
-        Self { complex, centers, mass, radii, pinned, weights, first_area: area, area, iteration: 0, system: None }
+        let mass = ring_areas(&complex);
+        Self { complex, centers, mass, radii, pinned, options, first_area: area, area, iteration: 0, system: None }
     }
 
     /// Fraction of the initial area that is left.
@@ -104,7 +90,7 @@ impl Contraction {
         if self.first_area > 0.0 { self.area / self.first_area } else { 0.0 }
     }
 
-    /// One iteration; whether it was the last.
+    /// One iteration; whether it has converged.
     pub(super) fn step(&mut self, run: &Run) -> Result<bool, CharacterError> {
         self.solve(run)?;
         if self.collapse_short(run)? {
@@ -114,7 +100,7 @@ impl Contraction {
         let lost = self.area - area;
         self.area = area;
         self.iteration += 1;
-        Ok(lost.abs() < self.weights.tolerance * self.first_area || self.iteration >= self.weights.iterations)
+        Ok(lost.abs() < MIN_AREA_LOSS * self.first_area)
     }
 
     fn solve(&mut self, run: &Run) -> Result<(), CharacterError> {
@@ -124,10 +110,10 @@ impl Contraction {
         };
         let n = system.vertices.len();
         let mean = system.vertices.iter().map(|v| self.mass[*v as usize]).sum::<f64>() / n as f64;
-        let w = &self.weights;
+        let w = self.options;
         let (attraction, medial) = (w.attraction * w.attraction, w.medial * w.medial);
-        let ring = self.ring_areas();
-        let strength = w.contraction * w.growth.powi(self.iteration as i32);
+        let ring = ring_areas(&self.complex);
+        let strength = w.contraction * CONTRACTION_GROWTH.powi(self.iteration as i32);
         let shrunk = |v: u32| self.mass[v as usize] / ring[v as usize].max(1e-300);
         let row = |v: &u32| {
             if shrunk(*v) > MAX_AREA_RATIO {
@@ -157,9 +143,9 @@ impl Contraction {
         system.solve_in_place(&mut rhs, run)?;
         let mut moved = self.complex.positions.clone();
         for (i, &v) in system.vertices.iter().enumerate() {
-            let place = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
-            if place.iter().all(|c| c.is_finite()) && !self.pinned[v as usize] {
-                moved[v as usize] = Point3::from(place);
+            let position = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);
+            if position.iter().all(|c| c.is_finite()) && !self.pinned[v as usize] {
+                moved[v as usize] = Point3::from(position);
             }
         }
         self.return_escaped(&system, &mut moved);
@@ -183,21 +169,9 @@ impl Contraction {
             Some((v, Point3::from(sum / around.count() as f64)))
         };
         let lost: Vec<(u32, Point3<f64>)> = system.vertices.iter().enumerate().filter_map(brought_back).collect();
-        for (v, place) in lost {
-            moved[v as usize] = place;
+        for (v, position) in lost {
+            moved[v as usize] = position;
         }
-    }
-
-    fn ring_areas(&self) -> Vec<f64> {
-        let mut areas = vec![0.0; self.complex.positions.len()];
-        for t in self.complex.faces() {
-            let [a, b, c] = t.map(|v| self.complex.positions[v as usize]);
-            let third = (b - a).cross(&(c - a)).norm() / 6.0;
-            for v in &t {
-                areas[*v as usize] += third;
-            }
-        }
-        areas
     }
 
     /// Collapses short edges, the shortest first; whether there was one.
@@ -205,10 +179,8 @@ impl Contraction {
         let mut scratch = [Vec::new(), Vec::new()];
         let mut any = false;
         loop {
-            let mut edges = self.short_edges();
-            edges.sort_unstable();
             let mut progress = false;
-            for (_, a, b) in edges {
+            for (_, a, b) in self.short_edges() {
                 run.check()?;
                 let alive = self.complex.is_alive(a) && self.complex.is_alive(b);
                 if !alive
@@ -232,7 +204,7 @@ impl Contraction {
     /// Length below which an edge collapses.
     fn short(&self, a: u32, b: u32) -> f64 {
         let radius = self.radii[a as usize].min(self.radii[b as usize]);
-        self.weights.short.min(self.weights.short_of_radius * radius)
+        COLLAPSE_LENGTH.min(COLLAPSE_RADII * radius)
     }
 
     fn length(&self, a: u32, b: u32) -> f64 {
@@ -271,6 +243,19 @@ impl Contraction {
     }
 }
 
+/// A third of the area around each vertex.
+fn ring_areas(complex: &Complex) -> Vec<f64> {
+    let mut areas = vec![0.0; complex.positions.len()];
+    for t in complex.faces() {
+        let [a, b, c] = t.map(|v| complex.positions[v as usize]);
+        let third = (b - a).cross(&(c - a)).norm() / 6.0;
+        for v in &t {
+            areas[*v as usize] += third;
+        }
+    }
+    areas
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -281,19 +266,10 @@ mod tests {
         let ball = shapes::icosphere(2);
         let complex = Complex::new(ball.positions().to_vec(), ball.triangles().to_vec());
         let balls = vec![Ball { center: Point3::origin(), radius: 1.0 }; ball.vertex_count()];
-        let weights = Weights {
-            contraction: 1.0,
-            attraction: 0.1,
-            medial: 0.3,
-            growth: 1.2,
-            short: 0.03,
-            short_of_radius: 0.3,
-            iterations: 3,
-            tolerance: 1e-4,
-        };
+        let options = ExtractionOptions::default();
         let mut pinned = vec![false; ball.vertex_count()];
         pinned[9] = true;
-        let contraction = Contraction::new(complex, &balls, pinned, weights);
+        let contraction = Contraction::new(complex, &balls, pinned, &options);
         let system = NormalEquations::analyze(&contraction.complex).unwrap();
         let halved: Vec<_> = ball.positions().iter().map(|p| Point3::from(p.coords * 0.5)).collect();
         let mut moved = halved.clone();

@@ -61,11 +61,11 @@ impl CurveGraph {
     pub(super) fn merge(&mut self, i: u32, j: u32) {
         for k in std::mem::take(&mut self.neighbors[i as usize]) {
             let of_k = &mut self.neighbors[k as usize];
-            let place = of_k.iter().position(|v| *v == i).expect("edges are known at both ends");
+            let slot = of_k.iter().position(|v| *v == i).expect("edges are known at both ends");
             if k == j || of_k.contains(&j) {
-                of_k.swap_remove(place);
+                of_k.swap_remove(slot);
             } else {
-                of_k[place] = j;
+                of_k[slot] = j;
                 self.neighbors[j as usize].push(k);
             }
         }
@@ -74,9 +74,9 @@ impl CurveGraph {
     }
 
     /// Appends a node to the end of a branch.
-    pub(super) fn append(&mut self, end: u32, place: Point3<f64>) -> u32 {
+    pub(super) fn append(&mut self, end: u32, position: Point3<f64>) -> u32 {
         let new = self.nodes.len() as u32;
-        self.nodes.push(place);
+        self.nodes.push(position);
         self.pinned.push(false);
         self.into.push(new);
         self.neighbors.push(vec![end]);
@@ -85,9 +85,9 @@ impl CurveGraph {
     }
 
     /// Splits an edge by a new node.
-    pub(super) fn split(&mut self, a: u32, b: u32, place: Point3<f64>) -> u32 {
+    pub(super) fn split(&mut self, a: u32, b: u32, position: Point3<f64>) -> u32 {
         let new = self.nodes.len() as u32;
-        self.nodes.push(place);
+        self.nodes.push(position);
         self.pinned.push(false);
         self.into.push(new);
         self.neighbors.push(vec![a, b]);

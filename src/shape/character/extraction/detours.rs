@@ -51,29 +51,30 @@ fn bridge(graph: &mut CurveGraph, row: &[u32]) {
 
 /// Indices in a branch of the nodes on the cheapest path along it.
 fn shortest(graph: &CurveGraph, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<usize> {
-    let places: Vec<Point3<f64>> = branch.iter().map(|v| graph.nodes[*v as usize]).collect();
+    let positions: Vec<Point3<f64>> = branch.iter().map(|v| graph.nodes[*v as usize]).collect();
     let radii: Vec<f64> = branch.iter().map(|v| radii[*v as usize].max(MIN_RADIUS)).collect();
-    let mut length = vec![0.0; places.len()];
-    let mut cost = vec![0.0; places.len()];
-    let mut before: Vec<usize> = (0..places.len()).map(|j| j.saturating_sub(1)).collect();
-    for j in 1..places.len() {
-        let step = nalgebra::distance(&places[j - 1], &places[j]);
+    let mut length = vec![0.0; positions.len()];
+    let mut cost = vec![0.0; positions.len()];
+    let mut before: Vec<usize> = (0..positions.len()).map(|j| j.saturating_sub(1)).collect();
+    for j in 1..positions.len() {
+        let step = nalgebra::distance(&positions[j - 1], &positions[j]);
         length[j] = length[j - 1] + step;
         cost[j] = cost[j - 1] + 0.5 * step * (1.0 / radii[j - 1] + 1.0 / radii[j]);
         for i in 0..j.saturating_sub(1) {
-            let direct = MIN_GAIN * nalgebra::distance(&places[i], &places[j]);
-            let held = branch[i + 1..j].iter().any(|v| graph.pinned[*v as usize]);
-            if held || branch[i] == branch[j] || length[j] - length[i] <= direct {
+            let direct = MIN_GAIN * nalgebra::distance(&positions[i], &positions[j]);
+            let fixed = branch[i + 1..j].iter().any(|v| graph.pinned[*v as usize]);
+            if fixed || branch[i] == branch[j] || length[j] - length[i] <= direct {
                 continue;
             }
-            let line = MIN_GAIN * line_cost(tree, (&places[i], radii[i]), (&places[j], radii[j]), &places[i + 1..j]);
+            let line =
+                MIN_GAIN * line_cost(tree, (&positions[i], radii[i]), (&positions[j], radii[j]), &positions[i + 1..j]);
             if cost[i] + line < cost[j] {
                 cost[j] = cost[i] + line;
                 before[j] = i;
             }
         }
     }
-    let mut kept = vec![places.len() - 1];
+    let mut kept = vec![positions.len() - 1];
     while let Some(j) = kept.last().copied().filter(|j| *j > 0) {
         kept.push(before[j]);
     }
@@ -88,12 +89,12 @@ fn line_cost(
     (q, s): (&Point3<f64>, f64),
     left_out: &[Point3<f64>],
 ) -> f64 {
-    let way = q - p;
-    if tree.first_hit(p, &way).is_some_and(|t| t <= 1.0) {
+    let along = q - p;
+    if tree.first_hit(p, &along).is_some_and(|t| t <= 1.0) {
         return f64::INFINITY;
     }
-    let pieces = (way.norm() / (INTERVAL_RADII * r.min(s))).ceil().clamp(1.0, MAX_INTERVALS as f64) as usize;
-    let inner = (1..pieces).map(|k| p + way * (k as f64 / pieces as f64)).map(|c| (c, radius(tree, &c)));
+    let pieces = (along.norm() / (INTERVAL_RADII * r.min(s))).ceil().clamp(1.0, MAX_INTERVALS as f64) as usize;
+    let inner = (1..pieces).map(|k| p + along * (k as f64 / pieces as f64)).map(|c| (c, radius(tree, &c)));
     let balls: Vec<(Point3<f64>, f64)> = std::iter::once((*p, r)).chain(inner).chain([(*q, s)]).collect();
     let is_covered = |x: &Point3<f64>| balls.iter().any(|(c, r)| nalgebra::distance(x, c) <= *r);
     if !left_out.iter().all(is_covered) {
@@ -101,5 +102,5 @@ fn line_cost(
     }
     let over = |(_, r): &(Point3<f64>, f64)| 1.0 / r.max(MIN_RADIUS);
     let mean = |pair: &[(Point3<f64>, f64)]| 0.5 * (over(&pair[0]) + over(&pair[1]));
-    way.norm() / pieces as f64 * balls.windows(2).map(mean).sum::<f64>()
+    along.norm() / pieces as f64 * balls.windows(2).map(mean).sum::<f64>()
 }

@@ -29,13 +29,13 @@ pub(super) struct Fairing {
 }
 
 impl Fairing {
-    /// Smoothing width `share` times the local radius; nodes with `held` keep their values.
+    /// Smoothing width `share` times the local radius; nodes with `fixed` keep their values.
     pub(super) fn new(
         graph: &CurveGraph,
         alive: &[u32],
         radii: &[f64],
         share: f64,
-        held: impl Fn(u32) -> bool,
+        fixed: impl Fn(u32) -> bool,
         run: &Run,
     ) -> Result<Self, CharacterError> {
         let mut number = vec![u32::MAX; graph.nodes.len()];
@@ -43,7 +43,7 @@ impl Fairing {
         let slot = |v: u32| number[v as usize] as usize;
         let edges =
             || alive.iter().flat_map(|v| graph.neighbors(*v).iter().filter(move |u| *v < **u).map(move |u| (*v, *u)));
-        let masses: Vec<f64> = alive.iter().map(|v| if held(*v) { FIXED_MASS } else { 1.0 }).collect();
+        let masses: Vec<f64> = alive.iter().map(|v| if fixed(*v) { FIXED_MASS } else { 1.0 }).collect();
         let weighted = edges().map(|(a, b)| {
             let r = 0.5 * (radii[a as usize] + radii[b as usize]);
             (slot(a), slot(b), (share * r / graph.length(a, b).max(MIN_LENGTH)).powi(2))

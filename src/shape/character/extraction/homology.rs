@@ -33,8 +33,11 @@ const MAX_HANDLES: usize = 24;
 /// Outward offset of the loops, as a fraction of the mean edge length: small enough to cross nothing, large beside rounding.
 const LOOP_OFFSET: f64 = 1e-3;
 
-/// Homology classes of edges, stored by index.
-#[derive(Clone)]
+/// The zero class: of paths that, closed, bound inside the shape.
+pub(super) const ZERO: u32 = 0;
+
+/// Homology classes of edges, stored by index; by default those of the trivial homology, in which every loop bounds.
+#[derive(Default)]
 pub(super) struct Classes {
     rank: usize,
     vectors: Vec<Vec<i32>>,
@@ -44,29 +47,16 @@ pub(super) struct Classes {
     /// Corners of the original surface.
     corners: Vec<[u32; 3]>,
     /// For each vertex the one it merged into, and the class of the path there.
-    way: Vec<(u32, u32)>,
+    to_merged: Vec<(u32, u32)>,
 }
 
 impl Classes {
-    /// The trivial homology: every loop bounds.
-    pub(super) fn trivial() -> Self {
-        let zero = Vec::new();
-        Self {
-            rank: 0,
-            vectors: vec![zero.clone()],
-            numbers: HashMap::from([(zero, 0)]),
-            of_half_edge: Vec::new(),
-            corners: Vec::new(),
-            way: Vec::new(),
-        }
-    }
-
     /// The classes of a surface before further collapses. `None` if it is not closed, oriented and connected, or if linking numbers are
     /// undefined.
     pub(super) fn new(complex: &Complex) -> Option<Self> {
         let surface = Surface::new(complex)?;
         if surface.genus == 0 {
-            return Some(Self::trivial());
+            return Some(Self::default());
         }
         if surface.genus > MAX_HANDLES {
             return None;
@@ -77,10 +67,7 @@ impl Classes {
         if columns.len() != surface.genus {
             return None;
         }
-        let mut this = Self::trivial();
-        this.rank = surface.genus;
-        this.vectors.clear();
-        this.numbers.clear();
+        let mut this = Self { rank: surface.genus, ..Self::default() };
         this.number(vec![0; columns.len()]);
         let of = |(t, corners): (usize, &[u32; 3])| {
             [0, 1, 2].map(|k| {
@@ -94,7 +81,7 @@ impl Classes {
         let vectors: Vec<[Vec<i32>; 3]> = complex.triangles.iter().enumerate().map(of).collect();
         this.of_half_edge = vectors.into_iter().map(|v| v.map(|v| this.number(v))).collect();
         this.corners.clone_from(&complex.triangles);
-        this.way = (0..complex.positions.len() as u32).map(|v| (v, 0)).collect();
+        this.to_merged = (0..complex.positions.len() as u32).map(|v| (v, ZERO)).collect();
         Some(this)
     }
 
@@ -118,16 +105,10 @@ impl Classes {
         self.rank
     }
 
-    /// The zero class.
-    #[expect(clippy::unused_self, reason = "a class is of one set of classes")]
-    pub(super) fn zero(&self) -> u32 {
-        0
-    }
-
     /// Class of a concatenation of paths.
     pub(super) fn sum(&mut self, a: u32, b: u32) -> u32 {
         match (a, b) {
-            (0, other) | (other, 0) => other,
+            (ZERO, other) | (other, ZERO) => other,
             _ => {
                 let sum = self.vectors[a as usize].iter().zip(&self.vectors[b as usize]).map(|(a, b)| a + b).collect();
                 self.number(sum)
@@ -137,8 +118,8 @@ impl Classes {
 
     /// Class of the reversed path.
     pub(super) fn negative(&mut self, a: u32) -> u32 {
-        if a == 0 {
-            return 0;
+        if a == ZERO {
+            return ZERO;
         }
         let negative = self.vectors[a as usize].iter().map(|v| -v).collect();
         self.number(negative)
@@ -151,14 +132,14 @@ impl Classes {
         }
         for c in collapses {
             let class = self.between(c.triangle as usize, usize::from(c.corners[0]), usize::from(c.corners[1]));
-            self.way[c.gone as usize] = (c.kept, class);
+            self.to_merged[c.gone as usize] = (c.kept, class);
         }
     }
 
     /// Class of the edge between two corners of a triangle as merged now.
     pub(super) fn between(&mut self, triangle: usize, from: usize, to: usize) -> u32 {
         if self.is_trivial() {
-            return 0;
+            return ZERO;
         }
         let first = if (from + 1) % 3 == to {
             self.of_half_edge[triangle][from]
@@ -167,18 +148,18 @@ impl Classes {
             self.negative(forth)
         };
         let corners = self.corners[triangle];
-        let start = self.way_of(corners[from]);
+        let start = self.path_from(corners[from]);
         let start = self.negative(start);
-        let end = self.way_of(corners[to]);
+        let end = self.path_from(corners[to]);
         let sum = self.sum(start, first);
         self.sum(sum, end)
     }
 
     /// Class of the path from a vertex to the one it merged into.
-    fn way_of(&mut self, mut v: u32) -> u32 {
-        let mut class = 0;
-        while self.way[v as usize].0 != v {
-            let (next, step) = self.way[v as usize];
+    fn path_from(&mut self, mut v: u32) -> u32 {
+        let mut class = ZERO;
+        while self.to_merged[v as usize].0 != v {
+            let (next, step) = self.to_merged[v as usize];
             class = self.sum(class, step);
             v = next;
         }
@@ -231,13 +212,10 @@ impl<'c> Surface<'c> {
         let mut tree = vec![false; halves];
         // Half-edge by which the tree reaches each vertex.
         let mut reached = vec![NONE; self.complex.positions.len()];
-        let outgoing = {
-            let mut out: Vec<Vec<u32>> = vec![Vec::new(); self.complex.positions.len()];
-            for h in (0..halves as u32).filter(|h| self.twin[*h as usize] != NONE) {
-                out[self.origin(h) as usize].push(h);
-            }
-            out
-        };
+        let mut outgoing: Vec<Vec<u32>> = vec![Vec::new(); self.complex.positions.len()];
+        for h in (0..halves as u32).filter(|h| self.twin[*h as usize] != NONE) {
+            outgoing[self.origin(h) as usize].push(h);
+        }
         let root = self.alive[0];
         let mut queue = VecDeque::from([root]);
         while let Some(v) = queue.pop_front() {
@@ -296,12 +274,12 @@ impl<'c> Surface<'c> {
     /// The loop that an edge closes with the tree.
     fn closed_by(&self, h: u32, reached: &[u32]) -> Vec<u32> {
         let to_root = |mut v: u32| {
-            let mut way = vec![v];
+            let mut path = vec![v];
             while reached[v as usize] != NONE {
                 v = self.origin(reached[v as usize]);
-                way.push(v);
+                path.push(v);
             }
-            way
+            path
         };
         let (mut a, mut b) = (to_root(self.origin(h)), to_root(self.destination(h)));
         while a.len() > 1 && b.len() > 1 && a[a.len() - 2] == b[b.len() - 2] {

@@ -17,6 +17,7 @@ use super::curve_graph::{Branch, CurveGraph};
 use super::order::Cost;
 use crate::character::{CharacterError, CurveSkeleton, Joint, Skeleton};
 use plumbline_num::math::Trs;
+use plumbline_num::spatial::UnionFind;
 
 /// Deviation above which a bend is a joint, in local radii: visible on a limb of that thickness.
 const BEND_TOLERANCE: f64 = 0.4;
@@ -104,28 +105,18 @@ fn worst(
 
 /// The root of each connected component.
 fn roots(graph: &CurveGraph, chosen: &[bool], links: &[Vec<u32>], radius: &dyn Fn(u32) -> f64) -> Vec<u32> {
-    let mut seen = vec![false; graph.nodes.len()];
-    let mut roots = Vec::new();
-    for start in (0..graph.nodes.len()).filter(|v| chosen[*v]) {
-        if seen[start] {
-            continue;
-        }
-        let mut piece = vec![start as u32];
-        seen[start] = true;
-        let mut at = 0;
-        while let Some(v) = piece.get(at).copied() {
-            at += 1;
-            for &u in &links[v as usize] {
-                if !std::mem::replace(&mut seen[u as usize], true) {
-                    piece.push(u);
-                }
-            }
-        }
-        let center = volume_center(graph, piece[0], radius);
-        let near = |v: &u32| (Cost::new(nalgebra::distance(&graph.nodes[*v as usize], &center)), *v);
-        roots.extend(piece.into_iter().min_by_key(near));
+    let mut pieces = UnionFind::new(graph.nodes.len());
+    for (v, u) in links.iter().zip(0..).flat_map(|(to, v)| to.iter().map(move |u| (v, *u))) {
+        pieces.join(v, u);
     }
-    roots
+    let piece = pieces.roots();
+    let joints = || (0..graph.nodes.len() as u32).filter(|v| chosen[*v as usize]);
+    let root = |first: u32| {
+        let center = volume_center(graph, first, radius);
+        let near = |v: &u32| (Cost::new(nalgebra::distance(&graph.nodes[*v as usize], &center)), *v);
+        joints().filter(|v| piece[*v as usize] == first).min_by_key(near)
+    };
+    joints().filter(|v| piece[*v as usize] == *v).filter_map(root).collect()
 }
 
 /// Centroid of the nodes connected to `start`, weighted by cubed radii.
@@ -149,8 +140,8 @@ fn hang(curve: &CurveSkeleton, root: u32, links: &[Vec<u32>], number: &mut [u32]
     number[root as usize] = u32::MAX - 1;
     while let Some((v, from)) = queue.pop_front() {
         let parent = from.map(|u| number[u as usize]);
-        let place = curve.nodes[v as usize];
-        let offset = from.map_or(place.coords, |u| place - curve.nodes[u as usize]);
+        let position = curve.nodes[v as usize];
+        let offset = from.map_or(position.coords, |u| position - curve.nodes[u as usize]);
         let j = joints.len() as u32;
         number[v as usize] = j;
         let name = if parent.is_none() && j == 0 { "root".to_owned() } else { format!("joint_{j}") };

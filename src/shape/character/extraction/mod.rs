@@ -191,15 +191,11 @@ pub fn extract(
     let mut curve = CurveSkeleton { node_of_vertex: vec![u32::MAX; mesh.vertex_count()], ..CurveSkeleton::default() };
     let count = parts.len();
     for (i, part) in parts.into_iter().enumerate() {
-        let found = part::extract(
-            &part,
-            (i, count),
-            options,
-            observer,
-            &run.part(i as f64 / count as f64, (i + 1) as f64 / count as f64),
-        )?;
-        report.iterations += found.iterations;
-        report.handles += found.handles;
+        let own_run = run.part(i as f64 / count as f64, (i + 1) as f64 / count as f64);
+        let part::Found { curve: found, iterations, handles } =
+            part::extract(&part, (i, count), options, observer, &own_run)?;
+        report.iterations += iterations;
+        report.handles += handles;
         let first = curve.nodes.len() as u32;
         curve.nodes.extend(found.nodes);
         curve.radius.extend(found.radius);

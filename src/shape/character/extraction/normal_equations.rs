@@ -106,8 +106,8 @@ impl Rings {
     }
 
     fn around(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
-        let places = self.starts[i]..self.starts[i + 1];
-        self.to[places.clone()].iter().zip(&self.weights[places]).map(|(j, w)| (*j as usize, *w))
+        let range = self.starts[i]..self.starts[i + 1];
+        self.to[range.clone()].iter().zip(&self.weights[range]).map(|(j, w)| (*j as usize, *w))
     }
 
     /// Pairs of distinct unknowns within two edges, each once.
@@ -138,8 +138,8 @@ impl Rings {
                 let cotangent = half_cotangent(&p[k], &p[(k + 1) % 3], &p[(k + 2) % 3]);
                 for (from, to) in [(a as usize, b), (b as usize, a)] {
                     let first = self.starts[from];
-                    let place = self.to[first..self.starts[from + 1]].iter().position(|u| *u == to);
-                    self.weights[first + place.expect("edges join neighbors")] += cotangent;
+                    let slot = self.to[first..self.starts[from + 1]].iter().position(|u| *u == to);
+                    self.weights[first + slot.expect("edges join neighbors")] += cotangent;
                 }
             }
         }

@@ -1,11 +1,13 @@
 //! Extraction of the curve of one connected component: the sequence of all steps.
 
+use std::collections::VecDeque;
+
 use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
 use super::axis;
 use super::complex::Complex;
-use super::contraction::{Contraction, Weights};
+use super::contraction::Contraction;
 use super::curve_graph::CurveGraph;
 use super::geodesic_extrema::{GeodesicExtrema, Maximum};
 use super::homology::Classes;
@@ -15,9 +17,10 @@ use super::{ContractionStep, ExtractionOptions, Frame, Keep, Observer, no_area};
 use super::{
     bends, caps, centering, corner_branches, detours, pruning, reduction, resampling, sheet, sight, surgery, tips,
 };
-use crate::character::CharacterError;
+use crate::character::{CharacterError, CurveSkeleton};
 use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::UnionFind;
 
 /// Largest number of vertices with medial balls: twice the contracted ones, so that the reduction can choose.
 const MAX_BALLS: usize = 12000;
@@ -34,10 +37,6 @@ const MIN_REDUCTION_RADIUS: f64 = 0.01;
 const MIN_VERTICES: usize = 1500;
 /// Smallest number of triangles; components with fewer become a point.
 const MIN_TRIANGLES: usize = 4;
-/// Length below which edges collapse during contraction.
-const COLLAPSE_LENGTH: f64 = 0.03;
-/// Length below which edges collapse during contraction, in local radii.
-const COLLAPSE_RADII: f64 = 0.3;
 /// Smallest persistence of tips kept on request, in radii of the sphere of equal area.
 const KEPT_TIP_PERSISTENCE: f64 = 0.25;
 /// Smallest persistence of tips that are pinned during contraction.
@@ -53,8 +52,6 @@ const SLIM_TIP_PERSISTENCE: f64 = 2.2;
 const MIN_RADIUS: f64 = 0.02;
 /// Smallest depth of a branch end below a tip.
 const MIN_TIP_DEPTH: f64 = 0.01;
-/// Growth of the contraction weight per iteration; Au et al. use 2.
-const CONTRACTION_GROWTH: f64 = 1.2;
 /// Node spacing, in radii of the sphere of equal area.
 const SPACING: f64 = 0.04;
 /// Largest radius of a medial ball: twice that of the sphere of equal area.
@@ -64,12 +61,11 @@ const CENTERING_PASSES: [usize; 2] = [3, 6];
 /// Distance below which junctions merge, in local radii.
 const JUNCTION_MERGE_RADII: f64 = 0.5;
 
-/// A curve in model coordinates.
+/// The curve of a component.
+#[derive(Default)]
 pub(super) struct Found {
-    pub(super) nodes: Vec<Point3<f64>>,
-    pub(super) edges: Vec<[u32; 2]>,
-    pub(super) radius: Vec<f64>,
-    pub(super) node_of_vertex: Vec<u32>,
+    /// In model coordinates.
+    pub(super) curve: CurveSkeleton,
     pub(super) iterations: usize,
     /// Handles of the closed surface.
     pub(super) handles: usize,
@@ -90,24 +86,20 @@ pub(super) fn extract(
     // 1. Normalize, and close or thicken open surfaces.
     let mut surface = part.mesh.with_positions(positions).map_err(|_| no_area())?;
     run.check()?;
-    let mut tree = AabbTree::new(surface.positions(), surface.triangles());
-    let mut handles = parts::handles(&surface);
     let mut over: Vec<u32> = (0..surface.vertex_count() as u32).collect();
-    let mut closed = parts::is_closed(&surface);
-    run.check()?;
-    if !closed {
-        let turned = inside_out(&surface);
-        let solid = [&surface, &turned].into_iter().find(|s| sheet::is_solid(s, &s.vertex_normals())).map(caps::closed);
+    if !parts::is_closed(&surface) {
+        let reversed = inside_out(&surface);
+        let solid =
+            [&surface, &reversed].into_iter().find(|s| sheet::is_solid(s, &s.vertex_normals())).map(caps::closed);
         if let Some(solid) = solid {
             surface = solid;
         } else if let Some((thick, sources)) = sheet::thickened(&surface) {
             (surface, over) = (thick, sources);
         }
-        run.check()?;
-        tree = AabbTree::new(surface.positions(), surface.triangles());
-        handles = parts::handles(&surface);
-        closed = parts::is_closed(&surface);
     }
+    run.check()?;
+    let tree = AabbTree::new(surface.positions(), surface.triangles());
+    let (handles, closed) = (parts::handles(&surface).unwrap_or(0), parts::is_closed(&surface));
     run.check()?;
     // 2. Subdivide coarse surfaces, pin requested vertices, reduce fine ones.
     let fine = divided(&surface);
@@ -125,7 +117,7 @@ pub(super) fn extract(
         reduction::reduce(&mut complex, MAX_BALLS, &pinned, &|_| MIN_EDGE_SIZE, run)?;
     }
     let balls = balls_of(&complex, &normals, run)?;
-    let places: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
+    let points: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
     reduction::reduce(
         &mut complex,
         MAX_VERTICES,
@@ -140,7 +132,7 @@ pub(super) fn extract(
         pinned[*v as usize] = true;
     }
     run.check()?;
-    let classes = Classes::new(&complex).unwrap_or_else(Classes::trivial);
+    let classes = Classes::new(&complex).unwrap_or_default();
     complex.collapses.clear();
     let job = Job {
         options,
@@ -151,22 +143,20 @@ pub(super) fn extract(
         fine: &fine,
         normals: &normals,
         balls: &balls,
-        places: &places,
+        points: &points,
         pinned: &pinned,
         run,
     };
-    let (graph, iterations) = job.curve(&complex, &classes, &tips, observer)?;
-    let Job { tree, frame, .. } = job;
+    let (graph, iterations) = job.curve(complex, classes, &tips, observer)?;
     run.check()?;
     // 4. Back to the model: nodes of vertices, connected regions.
-    let mut found = found(&graph, &tree, &frame, surface.vertex_count(), iterations);
-    found.handles = handles.unwrap_or(0);
+    let mut curve = of_model(&graph, &job.tree, &frame);
     // Of the two sides of a thickened sheet the first one counts.
     let mut node_of_vertex = vec![0; part.mesh.vertex_count()];
-    over.iter().zip(&found.node_of_vertex).rev().for_each(|(v, node)| node_of_vertex[*v as usize] = *node);
-    found.node_of_vertex = node_of_vertex;
-    whole_regions(&part.mesh, &mut found.node_of_vertex);
-    Ok(found)
+    over.iter().zip(&curve.node_of_vertex).rev().for_each(|(v, node)| node_of_vertex[*v as usize] = *node);
+    whole_regions(&part.mesh, &mut node_of_vertex);
+    curve.node_of_vertex = node_of_vertex;
+    Ok(Found { curve, iterations, handles })
 }
 
 /// Vertices that are tips of the curve.
@@ -175,7 +165,7 @@ struct Tips {
     /// Pinned throughout, on request.
     kept: Vec<u32>,
     /// Pinned during contraction.
-    held: Vec<u32>,
+    fixed: Vec<u32>,
     /// Get a branch if they have none.
     shown: Vec<u32>,
 }
@@ -197,12 +187,12 @@ impl Tips {
             t.persistence
                 >= PINNED_TIP_PERSISTENCE.min(MIN_TIP_PERSISTENCE.max(TIP_PERSISTENCE_RADII * radius(t.vertex)))
         });
-        let (held, less) = far.into_iter().partition(|t| t.persistence >= PINNED_TIP_PERSISTENCE);
-        let (held, mut shown) = (vertices(held), vertices(less));
-        let mut slim = extrema.maxima(&|v| radius(v).max(MIN_RADIUS), &[&held[..], &shown].concat());
+        let (fixed, less) = far.into_iter().partition(|t| t.persistence >= PINNED_TIP_PERSISTENCE);
+        let (fixed, mut shown) = (vertices(fixed), vertices(less));
+        let mut slim = extrema.maxima(&|v| radius(v).max(MIN_RADIUS), &[&fixed[..], &shown].concat());
         slim.retain(|t| t.persistence >= SLIM_TIP_PERSISTENCE);
         shown.extend(vertices(slim));
-        Self { kept: Vec::new(), held, shown }
+        Self { kept: Vec::new(), fixed, shown }
     }
 }
 
@@ -217,7 +207,7 @@ struct Job<'a> {
     normals: &'a [Vector3<f64>],
     balls: &'a [Ball],
     /// Surface points from which the curve should be visible.
-    places: &'a [Point3<f64>],
+    points: &'a [Point3<f64>],
     pinned: &'a [bool],
     run: &'a Run,
 }
@@ -226,32 +216,19 @@ impl Job<'_> {
     /// The curve of the surface, with branches to the `tips`, and the number of iterations.
     fn curve(
         &self,
-        complex: &Complex,
-        classes: &Classes,
+        complex: Complex,
+        mut classes: Classes,
         tips: &Tips,
         observer: &mut Observer<'_>,
     ) -> Result<(CurveGraph, usize), CharacterError> {
-        let options = self.options;
-        let weights = Weights {
-            contraction: options.contraction,
-            attraction: options.attraction,
-            medial: options.medial,
-            growth: CONTRACTION_GROWTH,
-            short: COLLAPSE_LENGTH,
-            short_of_radius: COLLAPSE_RADII,
-            iterations: options.iterations,
-            tolerance: 1e-4,
-        };
         let mut pinned = self.pinned.to_vec();
-        for v in &tips.held {
+        for v in &tips.fixed {
             pinned[*v as usize] = true;
         }
-        let mut classes = classes.clone();
-        let mut contraction = Contraction::new(complex.clone(), self.balls, pinned.clone(), weights);
-        let iterations = contract(&mut contraction, self.which, options, &self.frame, observer, self.run)?;
+        let mut contraction = Contraction::new(complex, self.balls, pinned.clone(), self.options);
+        let iterations = self.contract(&mut contraction, observer)?;
         classes.follow(&contraction.complex.collapses);
-        let collapsed = surgery::collapse_to_curve(&contraction.complex, &pinned, &mut classes, self.run)?;
-        let mut graph = CurveGraph::new(collapsed.nodes, &collapsed.edges, collapsed.node_of_vertex);
+        let mut graph = surgery::collapse_to_curve(contraction.complex, &pinned, &mut classes, self.run)?;
         for v in (0..pinned.len()).filter(|v| self.pinned[*v]) {
             let node = graph.node_of(v) as usize;
             graph.pinned[node] = true;
@@ -261,19 +238,42 @@ impl Job<'_> {
             let node = graph.node_of(*v as usize);
             (node, self.end_at(*v as usize, &graph.nodes[node as usize]))
         };
-        let ends: Vec<(u32, Point3<f64>)> = tips.held.iter().chain(&tips.shown).map(end).collect();
+        let ends: Vec<(u32, Point3<f64>)> = tips.fixed.iter().chain(&tips.shown).map(end).collect();
         tips::end_at(&mut graph, &ends);
         Ok((self.finished(&graph)?, iterations))
     }
 
+    /// Runs the contraction; returns the number of iterations.
+    fn contract(
+        &self,
+        contraction: &mut Contraction<'_>,
+        observer: &mut Observer<'_>,
+    ) -> Result<usize, CharacterError> {
+        let ((part, parts), iterations) = (self.which, self.options.iterations);
+        for iteration in 1..=iterations {
+            self.run.step((iteration - 1) as f64 / iterations as f64)?;
+            let done = contraction.step(self.run)?;
+            let surface = || contracted(&contraction.complex, &self.frame);
+            let area_left = contraction.area_left();
+            let step = ContractionStep { part, parts, iteration, iterations, area_left, surface: &surface };
+            if observer(&step).is_break() {
+                return Err(Stopped::Interrupted.into());
+            }
+            if done {
+                return Ok(iteration);
+            }
+        }
+        Ok(iterations)
+    }
+
     /// The ball center at a tip; if its normal is unreliable, as on a needle, a point just below the tip toward the curve.
     fn end_at(&self, tip: usize, curve: &Point3<f64>) -> Point3<f64> {
-        let place = self.fine.positions()[tip];
-        let center = place - self.normals[tip] * self.balls[tip].radius.max(MIN_TIP_DEPTH);
+        let position = self.fine.positions()[tip];
+        let center = position - self.normals[tip] * self.balls[tip].radius.max(MIN_TIP_DEPTH);
         if self.is_inside(&center) {
             return center;
         }
-        place + (curve - place).try_normalize(0.0).unwrap_or_default() * MIN_TIP_DEPTH
+        position + (curve - position).try_normalize(0.0).unwrap_or_default() * MIN_TIP_DEPTH
     }
 
     /// Postprocessing: resampled, pruned, centered, visible from the surface.
@@ -296,7 +296,7 @@ impl Job<'_> {
         tips::extrapolate_ends(&mut graph, tree);
         axis::settle(&mut graph, tree, self.run)?;
         graph = resampling::resample(&graph, SPACING);
-        sight::draw(&mut graph, tree, self.places, self.run)?;
+        sight::draw(&mut graph, tree, self.points, self.run)?;
         self.run.check()?;
         if closed {
             centering::keep_inside(&mut graph, tree);
@@ -334,20 +334,15 @@ fn point(part: &Part) -> Found {
     let first = all[0];
     let middle = first + all.iter().map(|p| p - first).sum::<nalgebra::Vector3<f64>>() / all.len() as f64;
     let radius = all.iter().map(|p| nalgebra::distance(p, &middle)).fold(0.0, f64::max);
-    Found {
-        nodes: vec![middle],
-        edges: Vec::new(),
-        radius: vec![radius],
-        node_of_vertex: vec![0; all.len()],
-        iterations: 0,
-        handles: 0,
-    }
+    let node_of_vertex = vec![0; all.len()];
+    let curve = CurveSkeleton { nodes: vec![middle], edges: Vec::new(), radius: vec![radius], node_of_vertex };
+    Found { curve, ..Found::default() }
 }
 
 /// The surface with reversed orientation: an open surface may be inside out.
 fn inside_out(surface: &TriMesh) -> TriMesh {
-    let turned = surface.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
-    TriMesh::new(surface.positions().to_vec(), turned).expect("the same corners and positions")
+    let reversed = surface.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    TriMesh::new(surface.positions().to_vec(), reversed).expect("the same corners and positions")
 }
 
 /// Subdivides triangles into four until there are enough vertices. Vertices keep their indices.
@@ -383,32 +378,6 @@ fn balls_of(complex: &Complex, normals: &[Vector3<f64>], run: &Run) -> Result<Ve
     Ok(all)
 }
 
-/// Runs the contraction; returns the number of iterations.
-fn contract(
-    contraction: &mut Contraction,
-    (part, parts): (usize, usize),
-    options: &ExtractionOptions,
-    frame: &Frame,
-    observer: &mut Observer<'_>,
-    run: &Run,
-) -> Result<usize, CharacterError> {
-    for iteration in 1..=options.iterations {
-        run.step((iteration - 1) as f64 / options.iterations as f64)?;
-        let done = contraction.step(run)?;
-        let surface = || contracted(&contraction.complex, frame);
-        let area_left = contraction.area_left();
-        let told =
-            ContractionStep { part, parts, iteration, iterations: options.iterations, area_left, surface: &surface };
-        if observer(&told).is_break() {
-            return Err(Stopped::Interrupted.into());
-        }
-        if done {
-            return Ok(iteration);
-        }
-    }
-    Ok(options.iterations)
-}
-
 /// The current surface, without merged vertices.
 fn contracted(complex: &Complex, frame: &Frame) -> TriMesh {
     let mut number = vec![0; complex.positions.len()];
@@ -421,19 +390,18 @@ fn contracted(complex: &Complex, frame: &Frame) -> TriMesh {
     TriMesh::new(positions, triangles).expect("a contraction keeps finite positions")
 }
 
-fn found(graph: &CurveGraph, tree: &AabbTree, frame: &Frame, vertices: usize, iterations: usize) -> Found {
+/// The curve in model coordinates.
+fn of_model(graph: &CurveGraph, tree: &AabbTree, frame: &Frame) -> CurveSkeleton {
     let alive: Vec<u32> = graph.alive().collect();
     let mut number = vec![0_u32; graph.nodes.len()];
     alive.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
     let radii = centering::radii(graph, tree);
     let joined = |v: &u32| graph.neighbors(*v).iter().filter(|u| *v < **u).map(|u| [*v, *u]).collect::<Vec<_>>();
-    Found {
+    CurveSkeleton {
         nodes: alive.iter().map(|v| frame.of_model(&graph.nodes[*v as usize])).collect(),
         edges: alive.iter().flat_map(joined).map(|e| e.map(|v| number[v as usize])).collect(),
         radius: alive.iter().map(|v| radii[*v as usize] * frame.scale).collect(),
-        node_of_vertex: (0..vertices).map(|v| number[graph.node_of(v) as usize]).collect(),
-        iterations,
-        handles: 0,
+        node_of_vertex: (0..graph.vertex_count()).map(|v| number[graph.node_of(v) as usize]).collect(),
     }
 }
 
@@ -441,50 +409,31 @@ fn found(graph: &CurveGraph, tree: &AabbTree, frame: &Frame, vertices: usize, it
 /// each node stays; others are reassigned to adjacent nodes.
 fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
     let neighbors = neighbors_of_vertices(mesh.vertex_count(), mesh.triangles());
-    let mut piece_of_vertex = vec![usize::MAX; mesh.vertex_count()];
-    let mut pieces: Vec<Vec<u32>> = Vec::new();
-    for v in 0..mesh.vertex_count() as u32 {
-        if piece_of_vertex[v as usize] != usize::MAX {
-            continue;
+    let vertices = || 0..mesh.vertex_count() as u32;
+    let mut pieces = UnionFind::new(mesh.vertex_count());
+    for (v, u) in vertices().flat_map(|v| neighbors[v as usize].iter().map(move |u| (v, *u))) {
+        if node_of_vertex[v as usize] == node_of_vertex[u as usize] {
+            pieces.join(v, u);
         }
-        let mut piece = vec![v];
-        piece_of_vertex[v as usize] = pieces.len();
-        let mut at = 0;
-        while let Some(u) = piece.get(at).copied() {
-            at += 1;
-            for &w in &neighbors[u as usize] {
-                if piece_of_vertex[w as usize] == usize::MAX && node_of_vertex[w as usize] == node_of_vertex[v as usize]
-                {
-                    piece_of_vertex[w as usize] = pieces.len();
-                    piece.push(w);
-                }
-            }
-        }
-        pieces.push(piece);
     }
+    let piece_of_vertex = pieces.roots();
+    let mut sizes = vec![0_usize; mesh.vertex_count()];
+    piece_of_vertex.iter().for_each(|piece| sizes[*piece as usize] += 1);
     let mut largest = std::collections::HashMap::new();
-    for (i, piece) in pieces.iter().enumerate() {
-        let best = largest.entry(node_of_vertex[piece[0] as usize]).or_insert(i);
-        if piece.len() > pieces[*best].len() {
-            *best = i;
+    for v in vertices().filter(|v| piece_of_vertex[*v as usize] == *v) {
+        let best = largest.entry(node_of_vertex[v as usize]).or_insert(v);
+        if sizes[v as usize] > sizes[*best as usize] {
+            *best = v;
         }
     }
-    let settled = |v: usize, nodes: &[u32]| nodes[v] != u32::MAX;
-    for (i, piece) in pieces.iter().enumerate() {
-        if largest[&node_of_vertex[piece[0] as usize]] != i {
-            piece_of_vertex[piece[0] as usize] = usize::MAX;
-        }
+    let (mut queue, strays): (VecDeque<u32>, VecDeque<u32>) =
+        vertices().partition(|v| largest[&node_of_vertex[*v as usize]] == piece_of_vertex[*v as usize]);
+    for v in strays {
+        node_of_vertex[v as usize] = u32::MAX;
     }
-    let strays: Vec<u32> =
-        pieces.iter().filter(|p| piece_of_vertex[p[0] as usize] == usize::MAX).flatten().copied().collect();
-    for v in &strays {
-        node_of_vertex[*v as usize] = u32::MAX;
-    }
-    let mut queue: std::collections::VecDeque<u32> =
-        (0..mesh.vertex_count() as u32).filter(|v| settled(*v as usize, node_of_vertex)).collect();
     while let Some(v) = queue.pop_front() {
         for &w in &neighbors[v as usize] {
-            if !settled(w as usize, node_of_vertex) {
+            if node_of_vertex[w as usize] == u32::MAX {
                 node_of_vertex[w as usize] = node_of_vertex[v as usize];
                 queue.push_back(w);
             }

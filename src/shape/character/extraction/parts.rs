@@ -40,14 +40,14 @@ pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<(Vec<Part>, Vec<String>), 
     let repaired = repair(mesh, &RepairOptions::default(), run)?;
     let mut number: HashMap<[u64; 3], u32> = HashMap::new();
     let mut positions = Vec::new();
-    let place = |p: &nalgebra::Point3<f64>| -> [u64; 3] { p.coords.map(|c| (c + 0.0).to_bits()).into() };
+    let key = |p: &nalgebra::Point3<f64>| -> [u64; 3] { p.coords.map(|c| (c + 0.0).to_bits()).into() };
     let joined: Vec<u32> = repaired
         .mesh
         .positions()
         .iter()
         .map(|p| {
             let next = positions.len() as u32;
-            let v = *number.entry(place(p)).or_insert(next);
+            let v = *number.entry(key(p)).or_insert(next);
             if v == next {
                 positions.push(*p);
             }

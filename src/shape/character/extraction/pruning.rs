@@ -108,8 +108,8 @@ fn half_width(graph: &CurveGraph, tree: &AabbTree, branch: &[u32], radius: f64) 
         let chord = |k: usize| {
             let across = around(k, 2 * CHORDS);
             let across = (across - axis * across.dot(&axis)).normalize();
-            let ways = [across, -across].map(|d| tree.first_hit(&end, &d).unwrap_or(0.0));
-            0.5 * (ways[0] + ways[1])
+            let half_chords = [across, -across].map(|d| tree.first_hit(&end, &d).unwrap_or(0.0));
+            0.5 * (half_chords[0] + half_chords[1])
         };
         (0..CHORDS).map(chord).fold(radius, f64::max)
     };

@@ -71,12 +71,12 @@ pub(super) fn thickened(sheet: &TriMesh) -> Option<(TriMesh, Vec<u32>)> {
             [one, other] => {
                 let ((a, first), (b, mut second)) = (ends(one), ends(other));
                 // Consistently oriented neighbors traverse their edge in opposite directions.
-                let turned = a == b;
-                if !turned {
+                let opposed = a == b;
+                if !opposed {
                     second.reverse();
                 }
                 for ((t, k), (u, l)) in first.into_iter().zip(second) {
-                    let (same, opposite) = if turned { (back(u, l), front(u, l)) } else { (front(u, l), back(u, l)) };
+                    let (same, opposite) = if opposed { (back(u, l), front(u, l)) } else { (front(u, l), back(u, l)) };
                     joined.join(front(t, k), same);
                     joined.join(back(t, k), opposite);
                 }
@@ -103,10 +103,10 @@ pub(super) fn thickened(sheet: &TriMesh) -> Option<(TriMesh, Vec<u32>)> {
             triangles.push(if side == 0 { corners } else { [corners[0], corners[2], corners[1]] });
         }
     }
-    let place = |(v, n): (&u32, &Vector3<f64>)| {
+    let position = |(v, n): (&u32, &Vector3<f64>)| {
         let p: Point3<f64> = sheet.positions()[*v as usize];
         p + n.try_normalize(1e-9).unwrap_or_default() * THICKNESS
     };
-    let positions = over.iter().zip(&normals).map(place).collect();
+    let positions = over.iter().zip(&normals).map(position).collect();
     Some((TriMesh::new(positions, triangles).ok()?, over))
 }

@@ -33,18 +33,18 @@ const MARGIN: f64 = 0.05;
 pub(super) fn draw(
     graph: &mut CurveGraph,
     tree: &AabbTree,
-    places: &[Point3<f64>],
+    positions: &[Point3<f64>],
     run: &Run,
 ) -> Result<(), CharacterError> {
     let alive: Vec<u32> = graph.alive().collect();
     let middle = graph.nodes.clone();
     let radii = radii(graph, tree);
-    let mut hidden = places.to_vec();
+    let mut hidden = positions.to_vec();
     for pass in 0..PASSES {
         run.check()?;
         if pass == PASSES / 2 {
             // Moved nodes may hide others: check all points again.
-            hidden = places.to_vec();
+            hidden = positions.to_vec();
         }
         let clear: Vec<f64> =
             (0..radii.len()).map(|v| radii[v] - nalgebra::distance(&graph.nodes[v], &middle[v])).collect();
@@ -74,14 +74,14 @@ fn steps(
     graph: &CurveGraph,
     tree: &AabbTree,
     (alive, clear): (&[u32], &[f64]),
-    places: &mut Vec<Point3<f64>>,
+    positions: &mut Vec<Point3<f64>>,
 ) -> Option<Vec<Vector3<f64>>> {
     let nodes: Vec<Point3<f64>> = alive.iter().map(|v| graph.nodes[*v as usize]).collect();
     let sees = |p: &Point3<f64>, node: usize| sees(tree, p, &nodes[node], clear[alive[node] as usize]);
     let near = KdTree::new(&nodes);
     let mut steps = vec![Vector3::zeros(); graph.nodes.len()];
     let mut any = false;
-    places.retain(|p| {
+    positions.retain(|p| {
         let Some((s, square)) = near.nearest(p, |_| true) else { return false };
         if sees(p, s as usize) {
             return false;
@@ -113,7 +113,7 @@ fn in_sight(p: &Point3<f64>, nodes: &[Point3<f64>], hidden: f64, sees: &dyn Fn(u
 /// Whether `q` is visible from the surface point `p`; the ball of radius `clear` around `q` is empty.
 fn sees(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>, clear: f64) -> bool {
     // From the node outward: the last intersection is the surface at `p` itself, excluded by 1e-3.
-    let (way, until) = (p - q, 1.0 - 1e-3);
-    let from = (clear / way.norm()).clamp(0.0, until);
-    from == until || !tree.is_hit(&(q + way * from), &way, until - from)
+    let (direction, until) = (p - q, 1.0 - 1e-3);
+    let from = (clear / direction.norm()).clamp(0.0, until);
+    from == until || !tree.is_hit(&(q + direction * from), &direction, until - from)
 }

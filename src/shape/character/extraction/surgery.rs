@@ -18,28 +18,21 @@
 //! O. K.-C. Au et al., *Skeleton extraction by mesh contraction*, SIGGRAPH 2008, section 5.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap, HashSet, VecDeque};
 
-use nalgebra::{Matrix4, Point3, Vector4};
+use nalgebra::{Matrix4, Vector4};
 
 use super::complex::{Complex, NONE};
-use super::homology::Classes;
+use super::curve_graph::CurveGraph;
+use super::homology::{Classes, ZERO};
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
+use plumbline_num::spatial::UnionFind;
 
 /// Weight of the shape term, as in the paper.
 const SHAPE: f64 = 1.0;
 /// Weight of the sampling term, as in the paper.
 const SAMPLING: f64 = 0.1;
-
-/// Nodes, edges, and the node that each surface vertex collapsed to.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Graph {
-    pub(super) nodes: Vec<Point3<f64>>,
-    pub(super) edges: Vec<[u32; 2]>,
-    /// For each vertex of the complex.
-    pub(super) node_of_vertex: Vec<u32>,
-}
 
 /// An edge at a vertex.
 #[derive(Clone, Copy, Debug)]
@@ -53,43 +46,38 @@ struct Spoke {
 type Collapse = (Cost, u32, u32, u32, u32);
 
 struct Surgery<'c> {
-    positions: Vec<Point3<f64>>,
-    triangles: Vec<[u32; 3]>,
-    fans: Vec<Vec<u32>>,
+    complex: Complex,
     spokes: Vec<Vec<Spoke>>,
     quadrics: Vec<Matrix4<f64>>,
     version: Vec<u32>,
-    into: Vec<u32>,
     pinned: &'c [bool],
     classes: &'c mut Classes,
     heap: BinaryHeap<Reverse<Collapse>>,
 }
 
-/// Collapses all triangles of a complex.
+/// The curve that is left if all triangles of a complex collapse.
 pub(super) fn collapse_to_curve(
-    complex: &Complex,
+    complex: Complex,
     pinned: &[bool],
     classes: &mut Classes,
     run: &Run,
-) -> Result<Graph, Stopped> {
+) -> Result<CurveGraph, Stopped> {
+    let alive: Vec<u32> = complex.vertices().collect();
     let mut surgery = Surgery::new(complex, pinned, classes);
-    for v in complex.vertices() {
+    for v in alive {
         surgery.offer(v);
     }
     surgery.run(run)?;
     surgery.close_trivial_loops(run)?;
-    Ok(surgery.graph(complex))
+    Ok(surgery.graph())
 }
 
 impl<'c> Surgery<'c> {
-    fn new(complex: &Complex, pinned: &'c [bool], classes: &'c mut Classes) -> Self {
+    fn new(complex: Complex, pinned: &'c [bool], classes: &'c mut Classes) -> Self {
         let n = complex.positions.len();
-        let triangles = complex.triangles.clone();
-        let mut fans = vec![Vec::new(); n];
         let mut spokes: Vec<Vec<Spoke>> = vec![Vec::new(); n];
-        for (t, corners) in triangles.iter().enumerate().filter(|(_, c)| c[0] != NONE) {
+        for (t, corners) in complex.triangles.iter().enumerate().filter(|(_, c)| c[0] != NONE) {
             for k in 0..3 {
-                fans[corners[k] as usize].push(t as u32);
                 for to in [(k + 1) % 3, (k + 2) % 3] {
                     if spokes[corners[k] as usize].iter().all(|s| s.to != corners[to]) {
                         let class = classes.between(t, k, to);
@@ -99,13 +87,10 @@ impl<'c> Surgery<'c> {
             }
         }
         let mut this = Self {
-            positions: complex.positions.clone(),
-            triangles,
-            fans,
+            complex,
             spokes,
             quadrics: vec![Matrix4::zeros(); n],
             version: vec![0; n],
-            into: (0..n as u32).collect(),
             pinned,
             classes,
             heap: BinaryHeap::new(),
@@ -118,7 +103,7 @@ impl<'c> Surgery<'c> {
 
     /// `Kᵀ K` of the line through an edge; zero for a degenerate edge.
     fn line_quadric(&self, i: u32, j: u32) -> Matrix4<f64> {
-        let (p, q) = (self.positions[i as usize].coords, self.positions[j as usize].coords);
+        let [p, q] = [i, j].map(|v| self.complex.positions[v as usize].coords);
         let Some(a) = (q - p).try_normalize(1e-12) else { return Matrix4::zeros() };
         let b = a.cross(&p);
         let mut k = nalgebra::Matrix3x4::zeros();
@@ -128,13 +113,15 @@ impl<'c> Surgery<'c> {
     }
 
     fn cost(&self, i: u32, j: u32) -> f64 {
-        let p = self.positions[j as usize];
+        let p = self.complex.positions[j as usize];
         let h = Vector4::new(p.x, p.y, p.z, 1.0);
         let quadric = self.quadrics[i as usize] + self.quadrics[j as usize];
-        let at = self.positions[i as usize];
-        let to = |v: u32| nalgebra::distance(&at, &self.positions[v as usize]);
-        let around: f64 = self.spokes[i as usize].iter().map(|s| to(s.to)).sum();
-        SHAPE * h.dot(&(quadric * h)).max(0.0) + SAMPLING * to(j) * around
+        let around: f64 = self.spokes[i as usize].iter().map(|s| self.length(i, s.to)).sum();
+        SHAPE * h.dot(&(quadric * h)).max(0.0) + SAMPLING * self.length(i, j) * around
+    }
+
+    fn length(&self, i: u32, j: u32) -> f64 {
+        nalgebra::distance(&self.complex.positions[i as usize], &self.complex.positions[j as usize])
     }
 
     /// Pushes all collapses of edges at `v`.
@@ -165,7 +152,7 @@ impl<'c> Surgery<'c> {
     }
 
     fn has_face(&self, i: u32, j: u32) -> bool {
-        self.fans[i as usize].iter().any(|t| self.triangles[*t as usize].contains(&j))
+        self.complex.fan(i).any(|t| t.contains(&j))
     }
 
     fn spoke(&self, i: u32, j: u32) -> Option<Spoke> {
@@ -191,28 +178,7 @@ impl<'c> Surgery<'c> {
     }
 
     fn collapse(&mut self, i: u32, j: u32) {
-        for t in std::mem::take(&mut self.fans[i as usize]) {
-            let corners = self.triangles[t as usize];
-            let moved = corners.map(|v| if v == i { j } else { v });
-            let double = !corners.contains(&j) && {
-                let mut wanted = moved;
-                wanted.sort_unstable();
-                self.fans[j as usize].iter().any(|u| {
-                    let mut other = self.triangles[*u as usize];
-                    other.sort_unstable();
-                    other == wanted
-                })
-            };
-            if corners.contains(&j) || double {
-                for v in corners.into_iter().filter(|v| *v != i) {
-                    self.fans[v as usize].retain(|u| *u != t);
-                }
-                self.triangles[t as usize] = [NONE; 3];
-            } else {
-                self.triangles[t as usize] = moved;
-                self.fans[j as usize].push(t);
-            }
-        }
+        self.complex.collapse_without_doubles(i, j);
         let back = self.spoke(j, i).expect("edges are known at both ends").class;
         for s in std::mem::take(&mut self.spokes[i as usize]) {
             let k = s.to as usize;
@@ -226,7 +192,6 @@ impl<'c> Surgery<'c> {
         }
         let quadric = self.quadrics[i as usize];
         self.quadrics[j as usize] += quadric;
-        self.into[i as usize] = j;
         self.version[i as usize] += 1;
         self.version[j as usize] += 1;
         // Costs at the neighbors changed only in their sampling term; they are pushed again with the edges of `j`.
@@ -238,9 +203,7 @@ impl<'c> Surgery<'c> {
     fn close_trivial_loops(&mut self, run: &Run) -> Result<(), Stopped> {
         while let Some(cycle) = self.trivial_cycle(run)? {
             let edge = |k: usize| (cycle[k], cycle[(k + 1) % cycle.len()]);
-            let length = |(a, b): (u32, u32)| {
-                Cost::new(nalgebra::distance(&self.positions[a as usize], &self.positions[b as usize]))
-            };
+            let length = |(a, b): (u32, u32)| Cost::new(self.length(a, b));
             let shortest = (0..cycle.len()).map(edge).min_by_key(|e| (length(*e), *e)).expect("a cycle has edges");
             let (i, j) = if self.pinned[shortest.0 as usize] { (shortest.1, shortest.0) } else { shortest };
             self.collapse(i, j);
@@ -250,20 +213,16 @@ impl<'c> Surgery<'c> {
 
     /// The simple cycle with the fewest edges and zero class, by searches from every junction.
     fn trivial_cycle(&mut self, run: &Run) -> Result<Option<Vec<u32>>, Stopped> {
-        let mut best: Option<Vec<u32>> = None;
-        let junctions: Vec<u32> = (0..self.spokes.len() as u32)
-            .filter(|v| self.spokes[*v as usize].len() > 2 && self.into[*v as usize] == *v)
-            .collect();
-        let loops = self.loop_count();
-        if loops <= self.classes.rank() {
+        if self.loop_count() <= self.classes.rank() {
             return Ok(None);
         }
-        let lone: Vec<u32> = if junctions.is_empty() {
-            (0..self.spokes.len() as u32).filter(|v| self.spokes[*v as usize].len() == 2).collect()
-        } else {
-            junctions
-        };
-        for v in lone {
+        let degree = |v: &u32| self.spokes[*v as usize].len();
+        let mut starts: Vec<u32> = (0..self.spokes.len() as u32).filter(|v| degree(v) > 2).collect();
+        if starts.is_empty() {
+            starts = (0..self.spokes.len() as u32).filter(|v| degree(v) == 2).collect();
+        }
+        let mut best: Option<Vec<u32>> = None;
+        for v in starts {
             run.check()?;
             if let Some(cycle) = self.trivial_cycle_through(v, best.as_ref().map_or(usize::MAX, Vec::len)) {
                 best = Some(cycle);
@@ -273,35 +232,17 @@ impl<'c> Surgery<'c> {
     }
 
     fn loop_count(&self) -> usize {
-        let mut seen = vec![false; self.spokes.len()];
-        let (mut edges, mut nodes, mut parts) = (0, 0, 0);
-        for v in 0..self.spokes.len() {
-            nodes += usize::from(self.into[v] == v as u32);
-            edges += self.spokes[v].len();
-            if seen[v] || self.into[v] != v as u32 {
-                continue;
-            }
-            parts += 1;
-            let mut stack = vec![v];
-            seen[v] = true;
-            while let Some(u) = stack.pop() {
-                for s in &self.spokes[u] {
-                    if !std::mem::replace(&mut seen[s.to as usize], true) {
-                        stack.push(s.to as usize);
-                    }
-                }
-            }
-        }
-        edges / 2 + parts - nodes
+        let mut pieces = UnionFind::new(self.spokes.len());
+        let edges = self.spokes.iter().zip(0..).flat_map(|(spokes, v)| spokes.iter().map(move |s| (v, s.to)));
+        edges.filter(|(v, u)| v < u && !pieces.join(*v, *u)).count()
     }
 
     /// Breadth-first search from `v` over pairs of vertex and class: two paths of equal class to a vertex with different first edges close a
     /// bounding cycle.
     fn trivial_cycle_through(&mut self, v: u32, shorter_than: usize) -> Option<Vec<u32>> {
-        let mut reached: std::collections::HashMap<(u32, u32), (u32, u32, u32, u32)> = std::collections::HashMap::new();
-        let zero = self.classes.zero();
-        reached.insert((v, zero), (v, zero, v, 0));
-        let mut queue = std::collections::VecDeque::from([(v, zero)]);
+        let mut reached: HashMap<(u32, u32), (u32, u32, u32, u32)> = HashMap::new();
+        reached.insert((v, ZERO), (v, ZERO, v, 0));
+        let mut queue = VecDeque::from([(v, ZERO)]);
         let bound = self.spokes.len().min(shorter_than);
         while let Some((at, class)) = queue.pop_front() {
             let (from, _, branch, depth) = reached[&(at, class)];
@@ -326,7 +267,7 @@ impl<'c> Surgery<'c> {
                         }
                         let trace = |mut key: (u32, u32)| {
                             let mut path = vec![key.0];
-                            while key != (v, zero) {
+                            while key != (v, ZERO) {
                                 let (from, class, ..) = reached[&key];
                                 key = (from, class);
                                 path.push(key.0);
@@ -336,13 +277,9 @@ impl<'c> Surgery<'c> {
                         let mut cycle = trace((at, class));
                         let mut back = trace(next);
                         back.pop();
-                        back.reverse();
                         cycle.reverse();
-                        cycle.extend(back.into_iter().rev());
-                        let mut once = cycle.clone();
-                        once.sort_unstable();
-                        once.dedup();
-                        if once.len() == cycle.len() {
+                        cycle.extend(back);
+                        if cycle.iter().collect::<HashSet<_>>().len() == cycle.len() {
                             return Some(cycle);
                         }
                     }
@@ -353,28 +290,21 @@ impl<'c> Surgery<'c> {
         None
     }
 
-    fn graph(&self, complex: &Complex) -> Graph {
-        let root = |mut v: u32| {
-            v = complex.root(v);
-            while self.into[v as usize] != v {
-                v = self.into[v as usize];
-            }
-            v
-        };
-        let n = self.positions.len();
-        let roots: Vec<u32> = (0..n as u32).map(root).collect();
+    fn graph(&self) -> CurveGraph {
+        let n = self.spokes.len();
+        let roots: Vec<u32> = (0..n as u32).map(|v| self.complex.root(v)).collect();
         let mut number = vec![NONE; n];
         let mut nodes = Vec::new();
         for &v in &roots {
             if number[v as usize] == NONE {
                 number[v as usize] = nodes.len() as u32;
-                nodes.push(self.positions[v as usize]);
+                nodes.push(self.complex.positions[v as usize]);
             }
         }
         let spokes =
             (0..n).filter(|v| number[*v] != NONE).flat_map(|v| self.spokes[v].iter().map(move |s| (v, s.to as usize)));
-        let edges = spokes.filter(|(v, u)| v < u).map(|(v, u)| [number[v], number[u]]).collect();
+        let edges: Vec<[u32; 2]> = spokes.filter(|(v, u)| v < u).map(|(v, u)| [number[v], number[u]]).collect();
         let node_of_vertex = roots.iter().map(|v| number[*v as usize]).collect();
-        Graph { nodes, edges, node_of_vertex }
+        CurveGraph::new(nodes, &edges, node_of_vertex)
     }
 }

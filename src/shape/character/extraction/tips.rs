@@ -38,24 +38,24 @@ const MIN_CLEARANCE_RADII: f64 = 1.1;
 pub(super) fn end_at(graph: &mut CurveGraph, tips: &[(u32, Point3<f64>)]) {
     let degrees: Vec<usize> = tips.iter().map(|(node, _)| graph.degree(*node)).collect();
     let mut moved = Vec::new();
-    for (&(node, place), degree) in tips.iter().zip(degrees) {
+    for (&(node, position), degree) in tips.iter().zip(degrees) {
         let around = graph.neighbors(node);
         match degree {
             0 => {
-                graph.append(node, place);
+                graph.append(node, position);
             }
             1 if moved.contains(&node) => {
-                graph.append(around[0], place);
+                graph.append(around[0], position);
             }
             1 => {
-                graph.nodes[node as usize] = place;
+                graph.nodes[node as usize] = position;
                 moved.push(node);
             }
             _ => {
                 // The curve continues behind the tip that it was pulled to.
                 let sum: Vector3<f64> = around.iter().map(|u| graph.nodes[*u as usize].coords).sum();
                 graph.nodes[node as usize] = Point3::from(sum / around.len() as f64);
-                graph.append(node, place);
+                graph.append(node, position);
             }
         }
     }
@@ -66,9 +66,9 @@ pub(super) fn trim(graph: &mut CurveGraph, tree: &AabbTree, inside: &dyn Fn(&Poi
     for end in graph.free_ends() {
         let mut row = graph.row_back(end, f64::INFINITY);
         row.retain(|v| graph.degree(*v) < 3);
-        let places: Vec<Point3<f64>> = row.iter().map(|v| graph.nodes[*v as usize]).collect();
-        let Some(first) = places.iter().position(inside) else { continue };
-        let balls: Vec<(Point3<f64>, f64)> = places[first..].iter().map(|p| (*p, radius(tree, p))).collect();
+        let positions: Vec<Point3<f64>> = row.iter().map(|v| graph.nodes[*v as usize]).collect();
+        let Some(first) = positions.iter().position(inside) else { continue };
+        let balls: Vec<(Point3<f64>, f64)> = positions[first..].iter().map(|p| (*p, radius(tree, p))).collect();
         let holds = |i: &usize| {
             let (c, r) = balls[*i];
             balls[..*i].iter().all(|(p, s)| nalgebra::distance(p, &c) + s <= CONTAINMENT_FACTOR * r)
@@ -88,12 +88,12 @@ pub(super) fn extend(graph: &mut CurveGraph, tree: &AabbTree) {
         let farthest = MAX_EXTRAPOLATION * radius(tree, &start);
         let (mut at, mut direction, mut last) = (start, first, end);
         for _ in 0..MAX_STEPS {
-            let Some((next, turned)) = step(tree, &at, &direction) else { break };
-            if turned.dot(&first) < MIN_DIRECTION_COSINE || nalgebra::distance(&next, &start) > farthest {
+            let Some((next, redirected)) = step(tree, &at, &direction) else { break };
+            if redirected.dot(&first) < MIN_DIRECTION_COSINE || nalgebra::distance(&next, &start) > farthest {
                 break;
             }
             last = graph.append(last, next);
-            (at, direction) = (next, turned);
+            (at, direction) = (next, redirected);
         }
     }
 }
@@ -110,14 +110,14 @@ pub(super) fn extrapolate_ends(graph: &mut CurveGraph, tree: &AabbTree) {
             continue;
         }
         let bend = Parabola::through([from, middle, base].map(|i| graph.nodes[row[i] as usize]));
-        let places: Vec<Point3<f64>> = row[..base].iter().map(|v| bend.at(graph.length(row[base], *v))).collect();
-        let stays_wide = |(v, place): (&u32, &Point3<f64>)| {
+        let positions: Vec<Point3<f64>> = row[..base].iter().map(|v| bend.at(graph.length(row[base], *v))).collect();
+        let stays_wide = |(v, position): (&u32, &Point3<f64>)| {
             let before = graph.nodes[*v as usize];
-            !tree.is_hit(&before, &(place - before), 1.0)
-                && CONTAINMENT_FACTOR * radius(tree, place) >= radius(tree, &before)
+            !tree.is_hit(&before, &(position - before), 1.0)
+                && CONTAINMENT_FACTOR * radius(tree, position) >= radius(tree, &before)
         };
-        if row.iter().zip(&places).all(stays_wide) {
-            row.iter().zip(places).for_each(|(v, place)| graph.nodes[*v as usize] = place);
+        if row.iter().zip(&positions).all(stays_wide) {
+            row.iter().zip(positions).for_each(|(v, position)| graph.nodes[*v as usize] = position);
         }
     }
 }
@@ -159,8 +159,8 @@ fn step(tree: &AabbTree, at: &Point3<f64>, direction: &Vector3<f64>) -> Option<(
     let moved = at + direction * length;
     let side = across(tree, &moved);
     let next = moved + (side - direction * side.dot(direction));
-    let way = (next - at).try_normalize(1e-9)?;
-    let turned = (direction * (1.0 - DIRECTION_UPDATE) + way * DIRECTION_UPDATE).try_normalize(1e-9)?;
+    let travel = (next - at).try_normalize(1e-9)?;
+    let redirected = (direction * (1.0 - DIRECTION_UPDATE) + travel * DIRECTION_UPDATE).try_normalize(1e-9)?;
     // If the path turns back there is no limb.
-    (way.dot(direction) > 0.5).then_some((next, turned))
+    (travel.dot(direction) > 0.5).then_some((next, redirected))
 }

@@ -1,0 +1,208 @@
+//! Laws of the steps: pruning, centering, visibility, detours, bends, resampling.
+
+use super::*;
+
+#[test]
+fn branches_covered_by_the_rest_are_pruned() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    for side in [0.3, 0.9] {
+        let mut graph = comb(0.0, 10.0, side);
+        let radii = centering::radii(&graph, &tree);
+        pruning::prune(&mut graph, &tree, &radii, 1.0, &Run::default()).expect("a run that never stops");
+        assert_eq!(graph.alive().filter(|v| graph.degree(*v) == 1).count(), 2, "a branch {side} long");
+        assert!([0, 20].iter().all(|v| graph.is_alive(*v)), "the ends of the capsule stay");
+        let mut all = comb(0.0, 10.0, side);
+        pruning::prune(&mut all, &tree, &radii, 0.0, &Run::default()).expect("a run that never stops");
+        assert!(all.is_alive(21), "nothing goes at zero");
+    }
+}
+
+#[test]
+fn smoothing_preserves_constants_and_sums_and_reaches_farther_where_the_shape_is_wide() {
+    let graph = comb(0.0, 2.0, 0.5);
+    let alive: Vec<u32> = graph.alive().collect();
+    let spread = |radius: f64| {
+        let radii = vec![radius; graph.nodes.len()];
+        let mut fairing = fairing::Fairing::new(&graph, &alive, &radii, 0.5, |_| false, &Run::default()).unwrap();
+        let mut same = vec![Vector3::new(1.0, -2.0, 3.0); graph.nodes.len()];
+        fairing.apply(&mut same);
+        assert!(same.iter().all(|v| (v - Vector3::new(1.0, -2.0, 3.0)).norm() < 1e-9));
+        let mut one = vec![Vector3::zeros(); graph.nodes.len()];
+        one[5] = Vector3::x();
+        fairing.apply(&mut one);
+        assert!((one.iter().sum::<Vector3<f64>>() - Vector3::x()).norm() < 1e-9);
+        one[5].x
+    };
+    assert!(spread(0.05) > 0.5 && spread(1.0) < 0.2, "{} {}", spread(0.05), spread(1.0));
+}
+
+#[test]
+fn a_visible_curve_does_not_move() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let mut graph = comb(0.0, 10.0, 0.3);
+    let before = graph.nodes.clone();
+    sight::draw(&mut graph, &tree, mesh.positions(), &Run::default()).unwrap();
+    assert!(graph.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
+}
+
+#[test]
+fn an_edge_that_passes_outside_goes_round() {
+    let half = std::f64::consts::PI;
+    let arch = capsule(2.0 * half, |s| {
+        let a = half - 0.5 * s;
+        (Point3::new(2.0 * a.cos(), 2.0 * a.sin(), 0.0), Vector3::new(a.sin(), -a.cos(), 0.0))
+    });
+    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
+    let feet = vec![Point3::new(-2.0, 0.1, 0.0), Point3::new(2.0, 0.1, 0.0)];
+    let mut graph = curve_graph::CurveGraph::new(feet, &[[0, 1]], vec![0; arch.vertex_count()]);
+    centering::keep_inside(&mut graph, &tree);
+    let mut length = 0.0;
+    for v in graph.alive() {
+        for u in graph.neighbors(v).iter().filter(|u| v < **u) {
+            length += graph.length(v, *u);
+            for t in [0.1, 0.3, 0.5, 0.7, 0.9] {
+                let place = graph.nodes[v as usize] + (graph.nodes[*u as usize] - graph.nodes[v as usize]) * t;
+                assert!(tree.encloses(&place), "{place} is outside");
+            }
+        }
+    }
+    assert!(length < 2.0 * half, "{length}: longer than the axis of the arch");
+}
+
+#[test]
+fn centering_converges() {
+    let bar = shapes::bar([8, 8, 40], [1.0, 1.0, 5.0]);
+    let tree = aabb::AabbTree::new(bar.positions(), bar.triangles());
+    let middle = bar.positions().iter().map(|p| p.coords).sum::<Vector3<f64>>() / bar.vertex_count() as f64;
+    let nodes: Vec<_> =
+        (0..40).map(|k| Point3::from(middle + Vector3::new(0.2, 0.1, -2.0 + 0.1 * f64::from(k)))).collect();
+    let edges: Vec<[u32; 2]> = (1..40).map(|k| [k - 1, k]).collect();
+    let after = |passes: usize| {
+        let mut graph = curve_graph::CurveGraph::new(nodes.clone(), &edges, vec![0; 1]);
+        centering::center(&mut graph, &tree, true, passes, &Run::default()).unwrap();
+        graph.nodes
+    };
+    let inner = |nodes: &[Point3<f64>]| nodes[8..32].iter().map(|p| (p.coords - middle).xy()).collect::<Vec<_>>();
+    let moved = |passes: usize| {
+        let (before, now) = (inner(&after(passes)), inner(&after(passes + 1)));
+        before.iter().zip(&now).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max)
+    };
+    let (early, late) = (moved(6), moved(30));
+    assert!(late < 0.5 * early, "{late} after thirty passes, {early} after six");
+    assert!(inner(&after(30)).iter().all(|off| off.norm() < 0.05));
+}
+
+#[test]
+fn detours_are_removed_and_a_bent_limb_is_kept() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
+    let radii = centering::radii(&graph, &tree);
+    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
+    assert!(graph.alive().all(|v| graph.nodes[v as usize].y < 0.1), "the detour is left");
+    assert!((graph.branches().iter().map(|b| graph.branch_length(b)).sum::<f64>() - 10.0).abs() < 0.05);
+    let bent = capsule(10.0, |s| {
+        let a: f64 = s / 2.0;
+        (Point3::new(2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
+    });
+    let tree = aabb::AabbTree::new(bent.positions(), bent.triangles());
+    let axis: Vec<[f64; 3]> = (0..=100)
+        .map(|k| {
+            let a = 0.05 * f64::from(k);
+            [2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0]
+        })
+        .collect();
+    let mut graph = row(&axis);
+    let before = graph.alive().count();
+    let radii = centering::radii(&graph, &tree);
+    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
+    assert_eq!(graph.alive().count(), before);
+}
+
+#[test]
+fn detours_to_pinned_nodes_are_kept() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
+    let top = graph.alive().max_by(|a, b| graph.nodes[*a as usize].y.total_cmp(&graph.nodes[*b as usize].y)).unwrap();
+    graph.pinned[top as usize] = true;
+    let radii = centering::radii(&graph, &tree);
+    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
+    assert!(graph.is_alive(top) && graph.nodes[top as usize].y == 0.8);
+}
+
+#[test]
+fn sharp_bends_are_smoothed_as_far_as_the_surface_allows() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let nodes: Vec<_> = (0..=50).map(|k| Point3::new(0.2 * f64::from(k), 0.3 * f64::from(k % 2), 0.0)).collect();
+    let edges: Vec<[u32; 2]> = (1..=50).map(|k| [k - 1, k]).collect();
+    let mut graph = curve_graph::CurveGraph::new(nodes, &edges, Vec::new());
+    bends::round_off(&mut graph, &tree);
+    for k in 2..49 {
+        let [p, c, q] = [k - 1, k, k + 1].map(|v: usize| graph.nodes[v]);
+        assert!((c - p).angle(&(q - c)) < 0.9, "a sharp bend at {c}");
+    }
+    // A square around the hole of a ring cannot move its corners halfway.
+    let ring = shapes::holed_torus(1, 24);
+    let tree = aabb::AabbTree::new(ring.positions(), ring.triangles());
+    let (curve, _) = curve_of(&ring);
+    let few: Vec<_> = web_loop(&curve).into_iter().step_by(curve.nodes.len().div_ceil(6)).collect();
+    let n = few.len() as u32;
+    let edges: Vec<[u32; 2]> = (0..n).map(|k| [k, (k + 1) % n]).collect();
+    let mut graph = curve_graph::CurveGraph::new(few, &edges, Vec::new());
+    let crosses = |graph: &curve_graph::CurveGraph| {
+        let hit = |&[a, b]: &&[u32; 2]| {
+            let (p, q) = (graph.nodes[*a as usize], graph.nodes[*b as usize]);
+            tree.is_hit(&p, &(q - p), 1.0)
+        };
+        edges.iter().filter(hit).count()
+    };
+    assert_eq!(crosses(&graph), 0, "too few nodes for this test");
+    bends::round_off(&mut graph, &tree);
+    assert_eq!(crosses(&graph), 0);
+}
+
+#[test]
+fn redundant_nodes_are_removed_unless_they_lead_around_the_outside() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let places: Vec<Point3<f64>> = (0..=100).map(|k| Point3::new(0.1 * f64::from(k), 0.0, 0.0)).collect();
+    let edges: Vec<[u32; 2]> = (1..=100).map(|k| [k - 1, k]).collect();
+    let mut graph = curve_graph::CurveGraph::new(places, &edges, Vec::new());
+    resampling::thin(&mut graph, &tree, 0.4);
+    let lengths: Vec<f64> = graph.branches()[0].windows(2).map(|w| graph.length(w[0], w[1])).collect();
+    assert!((lengths.iter().sum::<f64>() - 10.0).abs() < 1e-9);
+    assert!(lengths.windows(2).all(|w| w[0] + w[1] >= 0.4), "{lengths:?}");
+    // In the bend of an arch the middle one of three is the only path inside.
+    let half = std::f64::consts::PI;
+    let arch = capsule(2.0 * half, |s| {
+        let a = half - 0.5 * s;
+        (Point3::new(2.0 * a.cos(), 2.0 * a.sin(), 0.0), Vector3::new(a.sin(), -a.cos(), 0.0))
+    });
+    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
+    let three = vec![Point3::new(-2.0, 0.0, 0.0), Point3::new(0.0, 2.0, 0.0), Point3::new(2.0, 0.0, 0.0)];
+    let mut graph = curve_graph::CurveGraph::new(three, &[[0, 1], [1, 2]], Vec::new());
+    resampling::thin(&mut graph, &tree, 100.0);
+    assert_eq!(graph.alive().count(), 3);
+}
+
+#[test]
+fn round_limbs_are_centered_on_their_axis_and_flat_ones_unchanged() {
+    let iteration = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let flat = moved(&iteration, |p| Point3::new(p.x, p.y, 0.5 * p.z));
+    for (mesh, is_round) in [(&iteration, true), (&flat, false)] {
+        let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+        let mut graph = row(&[[0.0, 0.05, -0.03], [10.0, 0.05, -0.03]]);
+        graph.pinned[100] = true;
+        let pinned = graph.nodes[100];
+        axis::settle(&mut graph, &tree, &Run::default()).unwrap();
+        assert_eq!(graph.nodes[100], pinned, "what is pinned stays");
+        for v in (40..=160).filter(|v| !(90..=110).contains(v)) {
+            let off = graph.nodes[v].y.hypot(graph.nodes[v].z);
+            assert!(if is_round { off < 0.005 } else { (off - 0.05_f64.hypot(0.03)).abs() < 1e-12 }, "{v}: {off}");
+        }
+    }
+}
