@@ -1,6 +1,6 @@
 //! Forward kinematics.
 
-use nalgebra::{Matrix3, Matrix4, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
 
 use super::{Goal, Target};
 use crate::character::{CharacterError, Pose, Skeleton};
@@ -48,27 +48,13 @@ impl Frames {
         self.world[joint as usize].transform_point(point)
     }
 
-    /// Unit of a target's residual: the chain length for positions, 1 rad otherwise.
+    /// Unit of a target's residual: for positions the length of the chain above it, 1 if that is zero; 1 rad otherwise.
     pub(super) fn scale(&self, target: &Target) -> f64 {
-        match target.goal {
-            Goal::Position { .. } => self.length(target),
-            _ => 1.0,
-        }
-    }
-
-    /// Length of the chain above a target; 1 if it is zero.
-    fn length(&self, target: &Target) -> f64 {
         let Goal::Position { point, .. } = &target.goal else { return 1.0 };
         let tip = (self.point(target.joint, point) - self.at(target.joint)).norm();
         let length = self.reach[target.joint as usize] + tip;
         if length > 0.0 { length } else { 1.0 }
     }
-}
-
-/// Linear part of the parent's world frame.
-pub(super) fn linear_above(skeleton: &Skeleton, frames: &Frames, joint: u32) -> Matrix3<f64> {
-    let parent = skeleton.joints()[joint as usize].parent;
-    parent.map_or_else(Matrix3::identity, |p| frames.world[p as usize].fixed_view::<3, 3>(0, 0).into_owned())
 }
 
 fn origin(frame: &Matrix4<f64>) -> Point3<f64> {

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::frames::{Frames, linear_above};
+use super::frames::Frames;
 use super::residual::{Lever, jacobian, residual};
 use super::variables::{Coordinates, Variables};
 use super::{Target, above};
@@ -75,26 +75,25 @@ impl<'a> Problem<'a> {
             cost += 0.5 * (target.weight * residual(target, frames, *scale)).norm_squared();
         }
         for &j in &self.variables.joints {
-            let (joint, local) = (&self.skeleton.joints()[j as usize], &pose.locals[j as usize]);
-            let (turn, _) = Coordinates::of(joint, local).rotation_from_rest(joint, local);
-            cost += 0.5 * (self.rest * turn).norm_squared();
+            let (from_rest, _) = Coordinates::of(self.skeleton, pose, j).rotation_from_rest();
+            cost += 0.5 * (self.rest * from_rest).norm_squared();
         }
         cost
     }
 
     fn lever(&self, j: u32) -> Lever {
-        let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
-        let linear = linear_above(self.skeleton, &self.frames, j);
-        let rotation = joint
-            .parent
-            .map_or_else(Matrix3::identity, |p| self.frames.rotation[p as usize].to_rotation_matrix().into_inner());
+        let parent = self.skeleton.joints()[j as usize].parent.map(|p| p as usize);
+        let linear =
+            parent.map_or_else(Matrix3::identity, |p| self.frames.world[p].fixed_view::<3, 3>(0, 0).into_owned());
+        let rotation =
+            parent.map_or_else(Matrix3::identity, |p| self.frames.rotation[p].to_rotation_matrix().into_inner());
         Lever {
             origin: self.frames.at(j),
             // A singular frame moves nothing that could be measured.
             inverse: linear.try_inverse().unwrap_or_else(Matrix3::zeros),
             linear,
             rotation,
-            velocities: Coordinates::of(joint, local).velocities(joint, local),
+            velocities: Coordinates::of(self.skeleton, &self.pose, j).velocities(),
         }
     }
 
@@ -102,9 +101,8 @@ impl<'a> Problem<'a> {
     fn stiffen(&self, matrix: &mut DMatrix<f64>) {
         let most = self.hessian.diagonal().amax().max(f64::MIN_POSITIVE);
         for (k, &j) in self.variables.joints.iter().enumerate() {
-            let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
             let push: Vector3<f64> = -self.gradient.fixed_rows::<3>(3 * k).into_owned();
-            for normal in Coordinates::of(joint, local).blocked(&push) {
+            for normal in Coordinates::of(self.skeleton, &self.pose, j).blocked(&push) {
                 let mut block = matrix.fixed_view_mut::<3, 3>(3 * k, 3 * k);
                 block += normal * normal.transpose() * (BLOCKED_STIFFNESS * most);
             }
@@ -137,11 +135,10 @@ impl DampedProblem for Problem<'_> {
             }
         }
         for (k, &j) in joints.iter().enumerate() {
-            let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
-            let (turn, change) = Coordinates::of(joint, local).rotation_from_rest(joint, local);
+            let (from_rest, change) = Coordinates::of(self.skeleton, &self.pose, j).rotation_from_rest();
             let weight = self.rest * self.rest;
             let mut rows = self.gradient.fixed_rows_mut::<3>(3 * k);
-            rows += change.transpose() * turn * weight;
+            rows += change.transpose() * from_rest * weight;
             let mut block = self.hessian.fixed_view_mut::<3, 3>(3 * k, 3 * k);
             block += change.transpose() * change * weight;
         }
@@ -157,10 +154,9 @@ impl DampedProblem for Problem<'_> {
         let step = -damped.cholesky()?.solve(&self.gradient);
         let mut taken = step.clone();
         for (k, &j) in self.variables.joints.iter().enumerate() {
-            let (joint, local) = (&self.skeleton.joints()[j as usize], &self.pose.locals[j as usize]);
             let part: Vector3<f64> = step.fixed_rows::<3>(3 * k).into_owned();
-            let (turn, possible) = Coordinates::of(joint, local).stepped(joint, local, part);
-            self.trial.locals[j as usize].rotation = turn;
+            let (rotation, possible) = Coordinates::of(self.skeleton, &self.pose, j).stepped(part);
+            self.trial.locals[j as usize].rotation = rotation;
             taken.fixed_rows_mut::<3>(3 * k).copy_from(&possible);
         }
         let gain = -(self.gradient.dot(&taken) + 0.5 * taken.dot(&(&self.hessian * &taken)));

@@ -243,7 +243,7 @@ pub fn solve(
         allowed
     };
     let (mut pose, mut report) = meet(first)?;
-    let residuals = |pose: &Pose| residual::residuals(skeleton, targets, &Frames::chained(skeleton, pose));
+    let residuals = |pose: &Pose| residual::residuals(targets, &Frames::chained(skeleton, pose));
     let unmet = |pose: &Pose| residuals(pose).iter().zip(targets).any(|(m, t)| *m > MET_TOLERANCE * frames.scale(t));
     if unmet(&pose) {
         // A straight chain with a target on its line has zero gradient.
@@ -280,9 +280,7 @@ pub fn interpolate(skeleton: &Skeleton, from: &Pose, to: &Pose, t: f64) -> Resul
 
 /// Slerp on the shortest path.
 fn slerp(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>, t: f64) -> UnitQuaternion<f64> {
-    let turn = a.inverse() * b;
-    let turn = if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn };
-    a * UnitQuaternion::from_scaled_axis(turn.scaled_axis() * t)
+    a * UnitQuaternion::from_scaled_axis((a.inverse() * b).scaled_axis() * t)
 }
 
 /// The pose with every joint projected onto its limits; joints within them are unchanged.
@@ -290,9 +288,9 @@ pub fn within_limits(skeleton: &Skeleton, pose: &Pose) -> Pose {
     let mut pose = pose.clone();
     for (joint, local) in skeleton.joints().iter().zip(&mut pose.locals) {
         if let Some(limits) = &joint.limits {
-            let turn = joint.rest.rotation.inverse() * local.rotation;
-            if !limits.allows(&turn, 0.0) {
-                local.rotation = joint.rest.rotation * limits.project(&turn);
+            let from_rest = joint.rest.rotation.inverse() * local.rotation;
+            if !limits.allows(&from_rest, 0.0) {
+                local.rotation = joint.rest.rotation * limits.project(&from_rest);
             }
         }
     }
@@ -304,7 +302,7 @@ fn check(skeleton: &Skeleton, targets: &[Target]) -> Result<(), CharacterError> 
         let mut named = vec![target.joint];
         let finite = match &target.goal {
             Goal::Position { point, at } => point.iter().chain(at.iter()).all(|x| x.is_finite()),
-            Goal::Orientation(turn) => turn.coords.iter().all(|x| x.is_finite()),
+            Goal::Orientation(rotation) => rotation.coords.iter().all(|x| x.is_finite()),
             Goal::LookAt { axis, at } => axis.iter().chain(at.iter()).all(|x| x.is_finite()),
             Goal::Pole { root, middle, at } => {
                 named.extend([*root, *middle]);

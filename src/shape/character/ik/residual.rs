@@ -5,7 +5,6 @@ use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use super::frames::Frames;
 use super::variables::left_jacobian;
 use super::{Goal, Target};
-use crate::character::Skeleton;
 
 /// Effect of a joint's rotation on its descendants: the angular velocity `ω` of the parent's frame moves the point `p` by
 /// `A (ω × A⁻¹ (p − o))` and rotates its frame by `R ω`.
@@ -35,7 +34,7 @@ impl Lever {
 pub(super) fn residual(target: &Target, frames: &Frames, scale: f64) -> Vector3<f64> {
     match &target.goal {
         Goal::Position { point, at } => (frames.point(target.joint, point) - at) / scale,
-        Goal::Orientation(turn) => error_of(&frames.rotation[target.joint as usize], turn),
+        Goal::Orientation(wanted) => error_of(&frames.rotation[target.joint as usize], wanted),
         Goal::LookAt { axis, at } => {
             let seen = frames.rotation[target.joint as usize] * axis.into_inner();
             seen - direction(at - frames.at(target.joint))
@@ -59,8 +58,8 @@ pub(super) fn jacobian(
     let point = |j: u32, p: &Point3<f64>| if moves(j) { lever.of_point(p) } else { Matrix3::zeros() };
     match &target.goal {
         Goal::Position { point: p, .. } => point(target.joint, &frames.point(target.joint, p)) / scale,
-        Goal::Orientation(turn) => {
-            let error = error_of(&frames.rotation[target.joint as usize], turn);
+        Goal::Orientation(wanted) => {
+            let error = error_of(&frames.rotation[target.joint as usize], wanted);
             left_jacobian(&error).try_inverse().unwrap_or_else(Matrix3::identity) * lever.of_rotation()
         }
         Goal::LookAt { axis, at } => {
@@ -78,7 +77,7 @@ pub(super) fn jacobian(
 }
 
 /// Residual of each target: units of the model for positions, rad otherwise.
-pub(super) fn residuals(_skeleton: &Skeleton, targets: &[Target], frames: &Frames) -> Vec<f64> {
+pub(super) fn residuals(targets: &[Target], frames: &Frames) -> Vec<f64> {
     let angle = |chord: f64| 2.0 * (0.5 * chord).min(1.0).asin();
     let of = |target: &Target| match target.goal {
         Goal::Position { .. } | Goal::Orientation(_) => residual(target, frames, 1.0).norm(),
@@ -88,9 +87,8 @@ pub(super) fn residuals(_skeleton: &Skeleton, targets: &[Target], frames: &Frame
 }
 
 /// `log(R R̂⁻¹)` on the shortest path.
-fn error_of(turn: &UnitQuaternion<f64>, wanted: &UnitQuaternion<f64>) -> Vector3<f64> {
-    let error = turn * wanted.inverse();
-    if error.w < 0.0 { UnitQuaternion::new_unchecked(-error.into_inner()) } else { error }.scaled_axis()
+fn error_of(rotation: &UnitQuaternion<f64>, wanted: &UnitQuaternion<f64>) -> Vector3<f64> {
+    (rotation * wanted.inverse()).scaled_axis()
 }
 
 /// The unit vector; zero for the zero vector.

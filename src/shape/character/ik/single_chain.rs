@@ -40,18 +40,16 @@ pub(super) fn solve(
         let tolerance = TOLERANCE * Frames::of(skeleton, &pose)?.scale(target);
         let (solved, taken) = match options.method {
             IkMethod::TwoBone => (of_two_bones(skeleton, &pose, (number, target, at), targets)?, 1),
-            IkMethod::Fabrik => {
-                fabrik(skeleton, &pose, (target.joint, joints), at, (options.iterations, tolerance), run)?
-            }
-            IkMethod::Ccd | IkMethod::LeastSquares => {
-                ccd(skeleton, &pose, (target.joint, joints), at, (options.iterations, tolerance), run)?
+            method => {
+                let solver = if method == IkMethod::Fabrik { fabrik } else { ccd };
+                solver(skeleton, &pose, (target.joint, joints), at, (options.iterations, tolerance), run)?
             }
         };
         pose = within_limits(skeleton, &solved);
         iterations = iterations.max(taken);
         converged &= options.method == IkMethod::TwoBone || taken < options.iterations;
     }
-    let residuals = residual::residuals(skeleton, targets, &Frames::of(skeleton, &pose)?);
+    let residuals = residual::residuals(targets, &Frames::of(skeleton, &pose)?);
     Ok(IkSolution { pose, residuals, iterations, converged })
 }
 

@@ -254,10 +254,9 @@ fn jacobians_agree_with_finite_differences_also_under_scaled_frames() {
         for (k, &j) in of.joints.iter().enumerate() {
             for axis in 0..3 {
                 let moved = |by: f64| {
-                    let (joint, mut pose) = (&skeleton.joints()[j as usize], pose.clone());
-                    let local = &mut pose.locals[j as usize];
-                    let step = Vector3::ith(axis, by);
-                    local.rotation = variables::Coordinates::of(joint, local).stepped(joint, local, step).0;
+                    let (rotation, _) = variables::Coordinates::of(&skeleton, &pose, j).stepped(Vector3::ith(axis, by));
+                    let mut pose = pose.clone();
+                    pose.locals[j as usize].rotation = rotation;
                     pose
                 };
                 let difference = (cost(&moved(1e-5)) - cost(&moved(-1e-5))) / 2e-5;

@@ -3,8 +3,7 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::{IkOptions, Target};
-use crate::character::{Joint, Limits, Pose, Skeleton, SwingTwist};
-use plumbline_num::math::Trs;
+use crate::character::{Limits, Pose, Skeleton, SwingTwist};
 
 /// Distance from a limit at which it is active, rad: above the rounding of a projection.
 const ACTIVE_TOLERANCE: f64 = 1e-9;
@@ -25,12 +24,8 @@ impl Variables {
             let count = target.chain.map_or(usize::MAX, |n| n.saturating_add(1));
             chain.take(count).for_each(|j| moves[j as usize] = true);
         }
-        options.locked.iter().for_each(|&j| {
-            if let Some(moves) = moves.get_mut(j as usize) {
-                *moves = false;
-            }
-        });
-        let joints: Vec<u32> = skeleton.parents_first().iter().copied().filter(|&j| moves[j as usize]).collect();
+        let movable = |j: &u32| moves[*j as usize] && !options.locked.contains(j);
+        let joints: Vec<u32> = skeleton.parents_first().iter().copied().filter(movable).collect();
         let above = |target: &Target| {
             let chain: Vec<u32> = std::iter::successors(Some(target.joint), |&j| parent(j)).collect();
             (0..joints.len()).filter(|&k| chain.contains(&joints[k])).collect()
@@ -52,59 +47,45 @@ impl Variables {
     }
 }
 
-/// The local coordinates of a joint's rotation.
-pub(super) enum Coordinates<'a> {
-    /// A rotation vector from the current rotation, in the joint's own frame.
-    Free,
-    /// Swing and twist from rest.
-    Limited(&'a Limits, SwingTwist),
+/// The local coordinates of a joint's rotation: swing and twist from rest for a joint with limits, for others a rotation vector from the
+/// current rotation, in the joint's own frame.
+pub(super) struct Coordinates<'a> {
+    rest: UnitQuaternion<f64>,
+    rotation: UnitQuaternion<f64>,
+    limited: Option<(&'a Limits, SwingTwist)>,
 }
 
 impl<'a> Coordinates<'a> {
-    pub(super) fn of(joint: &'a Joint, local: &Trs) -> Self {
-        match &joint.limits {
-            None => Self::Free,
-            Some(limits) => Self::Limited(limits, limits.split(&(joint.rest.rotation.inverse() * local.rotation))),
-        }
+    pub(super) fn of(skeleton: &'a Skeleton, pose: &Pose, joint: u32) -> Self {
+        let described = &skeleton.joints()[joint as usize];
+        let (rest, rotation) = (described.rest.rotation, pose.locals[joint as usize].rotation);
+        let limited = described.limits.as_ref().map(|limits| (limits, limits.split(&(rest.inverse() * rotation))));
+        Self { rest, rotation, limited }
     }
 
     /// Angular velocities, in the parent's frame, of the three coordinates, as columns.
-    pub(super) fn velocities(&self, joint: &Joint, local: &Trs) -> Matrix3<f64> {
-        match self {
-            Self::Free => local.rotation.to_rotation_matrix().into_inner(),
-            Self::Limited(limits, at) => {
-                let (e1, e2) = (limits.across.into_inner(), limits.second().into_inner());
-                let swing = e1 * at.swing.x + e2 * at.swing.y;
-                let left = left_jacobian(&swing);
-                let twist = UnitQuaternion::from_scaled_axis(swing) * limits.axis.into_inner();
-                joint.rest.rotation.to_rotation_matrix().into_inner()
-                    * Matrix3::from_columns(&[left * e1, left * e2, twist])
-            }
-        }
+    pub(super) fn velocities(&self) -> Matrix3<f64> {
+        let Some((limits, at)) = &self.limited else { return self.rotation.to_rotation_matrix().into_inner() };
+        let (e1, e2) = (limits.across.into_inner(), limits.second().into_inner());
+        let swing = e1 * at.swing.x + e2 * at.swing.y;
+        let left = left_jacobian(&swing);
+        let twist = UnitQuaternion::from_scaled_axis(swing) * limits.axis.into_inner();
+        self.rest.to_rotation_matrix().into_inner() * Matrix3::from_columns(&[left * e1, left * e2, twist])
     }
 
     /// The rotation after a step and projection onto the limits, and the step actually taken.
-    pub(super) fn stepped(
-        &self,
-        joint: &Joint,
-        local: &Trs,
-        step: Vector3<f64>,
-    ) -> (UnitQuaternion<f64>, Vector3<f64>) {
-        match self {
-            Self::Free => (local.rotation * UnitQuaternion::from_scaled_axis(step), step),
-            Self::Limited(limits, at) => {
-                let wanted = SwingTwist { swing: at.swing + step.xy(), twist: at.twist + step.z };
-                let there = limits.nearest(&wanted);
-                let swing = there.swing - at.swing;
-                let turn = joint.rest.rotation * limits.rotation(&there);
-                (turn, Vector3::new(swing.x, swing.y, there.twist - at.twist))
-            }
-        }
+    pub(super) fn stepped(&self, step: Vector3<f64>) -> (UnitQuaternion<f64>, Vector3<f64>) {
+        let Some((limits, at)) = &self.limited else {
+            return (self.rotation * UnitQuaternion::from_scaled_axis(step), step);
+        };
+        let there = limits.nearest(&SwingTwist { swing: at.swing + step.xy(), twist: at.twist + step.z });
+        let swing = there.swing - at.swing;
+        (self.rest * limits.rotation(&there), Vector3::new(swing.x, swing.y, there.twist - at.twist))
     }
 
     /// Normals of the active limits against which the gradient pushes.
     pub(super) fn blocked(&self, push: &Vector3<f64>) -> Vec<Vector3<f64>> {
-        let Self::Limited(limits, at) = self else { return Vec::new() };
+        let Some((limits, at)) = &self.limited else { return Vec::new() };
         let mut blocked = Vec::new();
         let [a, b] = limits.swing;
         for (half, axis) in [(a, Vector3::x()), (b, Vector3::y())] {
@@ -135,17 +116,13 @@ impl<'a> Coordinates<'a> {
     }
 
     /// Rotation from rest in coordinates, and its derivative in ours.
-    pub(super) fn rotation_from_rest(&self, joint: &Joint, local: &Trs) -> (Vector3<f64>, Matrix3<f64>) {
-        match self {
-            Self::Limited(_, at) => (Vector3::new(at.swing.x, at.swing.y, at.twist), Matrix3::identity()),
-            Self::Free => {
-                let turn = joint.rest.rotation.inverse() * local.rotation;
-                let turn = if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn };
-                let vector = turn.scaled_axis();
-                // log(R exp δ) = log R + J_r⁻¹ δ, and J_r(v) = J_l(−v).
-                (vector, left_jacobian(&-vector).try_inverse().unwrap_or_else(Matrix3::identity))
-            }
+    pub(super) fn rotation_from_rest(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        if let Some((_, at)) = &self.limited {
+            return (Vector3::new(at.swing.x, at.swing.y, at.twist), Matrix3::identity());
         }
+        let vector = (self.rest.inverse() * self.rotation).scaled_axis();
+        // log(R exp δ) = log R + J_r⁻¹ δ, and J_r(v) = J_l(−v).
+        (vector, left_jacobian(&-vector).try_inverse().unwrap_or_else(Matrix3::identity))
     }
 }
 

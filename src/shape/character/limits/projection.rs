@@ -29,10 +29,7 @@ impl Limits {
         let length = w.hypot(along);
         let (w, along) = if length > 1e-12 { (w / length, along / length) } else { (1.0, 0.0) };
         let twist = UnitQuaternion::new_unchecked(nalgebra::Quaternion::from_parts(w, self.axis.into_inner() * along));
-        let swing = rotation * twist.inverse();
-        // q and −q are the same rotation: take the one with the smaller angle.
-        let swing =
-            if swing.w < 0.0 { UnitQuaternion::new_unchecked(-swing.into_inner()) } else { swing }.scaled_axis();
+        let swing = (rotation * twist.inverse()).scaled_axis();
         let angle = 2.0 * along.atan2(w);
         let angle = if angle > std::f64::consts::PI {
             angle - std::f64::consts::TAU

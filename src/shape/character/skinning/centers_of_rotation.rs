@@ -25,7 +25,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector3};
 
 use super::super::{Influence, SkinWeights};
-use super::dual_quaternion::{Motions, Parts, blend, moved, moved_along, sign};
+use super::dual_quaternion::{Motions, Parts, blend, moved, moved_along};
 use super::linear_blend::Affine;
 use super::{Jet, PosedMethod, Posing};
 use crate::mesh::TriMesh;
@@ -98,8 +98,8 @@ fn binned(mesh: &TriMesh, weights: &SkinWeights, middle: &Vector3<f64>) -> BTree
         let [a, b, c] = mesh.corners(t).map(|p| p.coords - middle);
         let centroid = (a + b + c) / 3.0;
         for (j, k, w) in pairs(&mean_weights(weights, corners)) {
-            let place = w.map(|w| (w * BINS) as u16);
-            let bin = bins.entry((j, k)).or_default().entry(place).or_default();
+            let cell = w.map(|w| (w * BINS) as u16);
+            let bin = bins.entry((j, k)).or_default().entry(cell).or_default();
             bin.area += area;
             bin.weights[0] += area * w[0];
             bin.weights[1] += area * w[1];
@@ -143,18 +143,6 @@ impl<'a> CentersPose<'a> {
         let matrices = motions.rigid.iter().map(as_matrix).collect();
         Self { posing, centers, slopes, motions, matrices }
     }
-
-    /// A point after the scale phase.
-    fn scaled(&self, row: &[Influence], p: &Point3<f64>) -> Point3<f64> {
-        self.motions.scales.as_ref().map_or(*p, |s| Affine::blend(s, row).apply(p))
-    }
-
-    fn scaled_jet(&self, row: &[Influence], slopes: &[[f64; 2]], p: &Point3<f64>, along: [Vector3<f64>; 2]) -> Jet {
-        match &self.motions.scales {
-            Some(scales) => Affine::jet(scales, row, slopes, p, along),
-            None => Jet { position: *p, along },
-        }
-    }
 }
 
 fn as_matrix(q: &Parts) -> Affine {
@@ -173,8 +161,8 @@ impl PosedMethod for CentersPose<'_> {
     fn position(&self, vertex: usize) -> Point3<f64> {
         let Posing { rest, weights, .. } = self.posing;
         let row = weights.row(vertex);
-        let p = self.scaled(row, &rest.position(vertex));
-        let c = self.scaled(row, &self.centers[vertex]);
+        let p = self.motions.scaled(row, &rest.position(vertex));
+        let c = self.motions.scaled(row, &self.centers[vertex]);
         let q = rotation(blend(&self.motions.rigid, row));
         let arm = moved(&q, &Point3::from(p - c));
         Affine::blend(&self.matrices, row).apply(&c) + arm.coords
@@ -183,24 +171,18 @@ impl PosedMethod for CentersPose<'_> {
     fn jet(&self, vertex: usize) -> Jet {
         let Posing { rest, weights, .. } = self.posing;
         let (row, slopes) = (weights.row(vertex), rest.slopes(vertex));
-        let p = self.scaled_jet(row, slopes, &rest.position(vertex), rest.tangents(vertex));
-        let c = self.scaled_jet(row, slopes, &self.centers[vertex], self.slopes[vertex]);
+        let p = self.motions.scaled_jet(row, slopes, &rest.position(vertex), rest.tangents(vertex));
+        let c = self.motions.scaled_jet(row, slopes, &self.centers[vertex], self.slopes[vertex]);
         let q = rotation(blend(&self.motions.rigid, row));
         let arm = Point3::from(p.position - c.position);
-        let turned = moved(&q, &arm);
+        let rotated = moved(&q, &arm);
         let center = Affine::jet(&self.matrices, row, slopes, &c.position, c.along);
-        let pivot = &self.motions.rigid[row[0].joint as usize];
         let along = std::array::from_fn(|k| {
-            let mut dq = [0.0; 8];
-            for (influence, slope) in row.iter().zip(slopes) {
-                let turn = &self.motions.rigid[influence.joint as usize];
-                let w = slope[k] * sign(pivot, turn);
-                dq[..4].iter_mut().zip(turn).for_each(|(d, c)| *d += w * c);
-            }
-            let swung = moved_along(&q, &dq, &arm.coords, &(p.along[k] - c.along[k]), &turned.coords);
+            let dq = rotation(self.motions.blend_along(row, slopes, k));
+            let swung = moved_along(&q, &dq, &arm.coords, &(p.along[k] - c.along[k]), &rotated.coords);
             swung + center.along[k]
         });
-        Jet { position: center.position + turned.coords, along }
+        Jet { position: center.position + rotated.coords, along }
     }
 }
 

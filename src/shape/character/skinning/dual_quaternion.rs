@@ -59,6 +59,42 @@ impl Motions {
     }
 }
 
+impl Motions {
+    /// A point after the scale phase.
+    #[inline]
+    pub(super) fn scaled(&self, row: &[Influence], p: &Point3<f64>) -> Point3<f64> {
+        self.scales.as_ref().map_or(*p, |s| Affine::blend(s, row).apply(p))
+    }
+
+    /// The same with its derivatives, for the variations `along` of `p` and `slopes` of the weights.
+    pub(super) fn scaled_jet(
+        &self,
+        row: &[Influence],
+        slopes: &[[f64; 2]],
+        p: &Point3<f64>,
+        along: [Vector3<f64>; 2],
+    ) -> Jet {
+        match &self.scales {
+            Some(scales) => Affine::jet(scales, row, slopes, p, along),
+            None => Jet { position: *p, along },
+        }
+    }
+
+    /// Derivative of [`blend`] along tangent `k`.
+    pub(super) fn blend_along(&self, row: &[Influence], slopes: &[[f64; 2]], k: usize) -> Parts {
+        let pivot = &self.rigid[row[0].joint as usize];
+        let mut sum = [0.0; 8];
+        for (influence, slope) in row.iter().zip(slopes) {
+            let q = &self.rigid[influence.joint as usize];
+            let w = slope[k] * sign(pivot, q);
+            for (s, c) in sum.iter_mut().zip(q) {
+                *s += w * c;
+            }
+        }
+        sum
+    }
+}
+
 /// Linear part of an affine map.
 pub(super) fn linear(m: &Matrix4<f64>) -> Matrix3<f64> {
     m.fixed_view::<3, 3>(0, 0).into_owned()
@@ -78,7 +114,7 @@ fn parts(q: &DualQuaternion) -> Parts {
 
 /// Sign of the contribution of a motion relative to the pivot.
 #[inline]
-pub(super) fn sign(pivot: &Parts, q: &Parts) -> f64 {
+fn sign(pivot: &Parts, q: &Parts) -> f64 {
     let dot = pivot[0] * q[0] + pivot[1] * q[1] + pivot[2] * q[2] + pivot[3] * q[3];
     if dot < 0.0 { -1.0 } else { 1.0 }
 }
@@ -147,30 +183,17 @@ impl PosedMethod for DualQuaternionPose<'_> {
     fn position(&self, vertex: usize) -> Point3<f64> {
         let Posing { rest, weights, .. } = self.posing;
         let (row, p) = (weights.row(vertex), rest.position(vertex));
-        let y = self.motions.scales.as_ref().map_or(p, |s| Affine::blend(s, row).apply(&p));
-        moved(&blend(&self.motions.rigid, row), &y)
+        moved(&blend(&self.motions.rigid, row), &self.motions.scaled(row, &p))
     }
 
     fn jet(&self, vertex: usize) -> Jet {
         let Posing { rest, weights, .. } = self.posing;
         let (row, slopes) = (weights.row(vertex), rest.slopes(vertex));
-        let (p, tangents) = (rest.position(vertex), rest.tangents(vertex));
-        let scaled = match &self.motions.scales {
-            Some(scales) => Affine::jet(scales, row, slopes, &p, tangents),
-            None => Jet { position: p, along: tangents },
-        };
+        let scaled = self.motions.scaled_jet(row, slopes, &rest.position(vertex), rest.tangents(vertex));
         let q = blend(&self.motions.rigid, row);
         let position = moved(&q, &scaled.position);
-        let pivot = &self.motions.rigid[row[0].joint as usize];
         let along = std::array::from_fn(|k| {
-            let mut dq = [0.0; 8];
-            for (influence, slope) in row.iter().zip(slopes) {
-                let turn = &self.motions.rigid[influence.joint as usize];
-                let w = slope[k] * sign(pivot, turn);
-                for (d, c) in dq.iter_mut().zip(turn) {
-                    *d += w * c;
-                }
-            }
+            let dq = self.motions.blend_along(row, slopes, k);
             moved_along(&q, &dq, &scaled.position.coords, &scaled.along[k], &position.coords)
         });
         Jet { position, along }

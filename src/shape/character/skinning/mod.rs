@@ -96,12 +96,27 @@ pub struct Skinned {
     pub normals: Vec<Vector3<f64>>,
 }
 
-/// A skinning method in one pose.
+/// A skinning method in one pose. The loops over vertices are here, so that every method gets its own inner loop.
 trait PosedMethod {
     /// Posed position of a vertex.
     fn position(&self, vertex: usize) -> Point3<f64>;
     /// Posed position of a vertex and its derivatives along the two tangents at rest.
     fn jet(&self, vertex: usize) -> Jet;
+
+    fn positions_into(&self, vertices: usize, positions: &mut Vec<Point3<f64>>) {
+        positions.clear();
+        positions.extend((0..vertices).map(|v| self.position(v)));
+    }
+
+    fn surface(&self, rest: &RestSurface, vertices: usize) -> Skinned {
+        let vertex = |v: usize| {
+            let Jet { position, along: [s, t] } = self.jet(v);
+            // A surface collapsed to a line has no normal: keep the one at rest.
+            (position, s.cross(&t).try_normalize(0.0).unwrap_or_else(|| rest.normal(v)))
+        };
+        let (positions, normals) = (0..vertices).map(vertex).unzip();
+        Skinned { positions, normals }
+    }
 }
 
 /// A position and its derivative along two tangents.
@@ -205,15 +220,8 @@ impl Skinner {
         matrices: &[Matrix4<f64>],
         positions: &mut Vec<Point3<f64>>,
     ) -> Result<(), CharacterError> {
-        struct Positions<'a>(&'a mut Vec<Point3<f64>>);
-        impl Visit for Positions<'_> {
-            type Output = ();
-            fn visit(self, method: &impl PosedMethod, vertices: usize) {
-                self.0.clear();
-                self.0.extend((0..vertices).map(|v| method.position(v)));
-            }
-        }
-        self.posed(matrices, Positions(positions))
+        self.posed(matrices)?.positions_into(self.vertex_count(), positions);
+        Ok(())
     }
 
     /// Positions and normals.
@@ -221,35 +229,18 @@ impl Skinner {
     /// # Errors
     /// As [`Self::positions`].
     pub fn skin(&self, matrices: &[Matrix4<f64>]) -> Result<Skinned, CharacterError> {
-        struct Surface<'a>(&'a RestSurface);
-        impl Visit for Surface<'_> {
-            type Output = Skinned;
-            fn visit(self, method: &impl PosedMethod, vertices: usize) -> Self::Output {
-                let vertex = |v: usize| {
-                    let Jet { position, along: [s, t] } = method.jet(v);
-                    // A surface collapsed to a line has no normal: keep the one at rest.
-                    let normal = s.cross(&t).try_normalize(0.0).unwrap_or_else(|| self.0.normal(v));
-                    (position, normal)
-                };
-                let (positions, normals) = (0..vertices).map(vertex).unzip();
-                Skinned { positions, normals }
-            }
-        }
-        self.posed(matrices, Surface(&self.rest))
+        Ok(self.posed(matrices)?.surface(&self.rest, self.vertex_count()))
     }
 
-    fn posed<V: Visit>(&self, matrices: &[Matrix4<f64>], visit: V) -> Result<V::Output, CharacterError> {
+    fn posed<'a>(&'a self, matrices: &'a [Matrix4<f64>]) -> Result<Box<dyn PosedMethod + 'a>, CharacterError> {
         CharacterError::check_matrices(self.weights.joint_count(), matrices.len())?;
         check_affine(matrices)?;
         let posing = Posing { rest: &self.rest, weights: &self.weights, pivots: &self.pivots, matrices };
-        let vertices = self.vertex_count();
         Ok(match &self.bound {
-            Bound::LinearBlend => visit.visit(&LinearPose::new(posing), vertices),
-            Bound::DualQuaternion => visit.visit(&DualQuaternionPose::new(posing), vertices),
-            Bound::CentersOfRotation { centers, slopes } => {
-                visit.visit(&CentersPose::new(posing, centers, slopes), vertices)
-            }
-            Bound::TwistSwing(twisting) => visit.visit(&TwistSwingPose::new(posing, twisting), vertices),
+            Bound::LinearBlend => Box::new(LinearPose::new(posing)),
+            Bound::DualQuaternion => Box::new(DualQuaternionPose::new(posing)),
+            Bound::CentersOfRotation { centers, slopes } => Box::new(CentersPose::new(posing, centers, slopes)),
+            Bound::TwistSwing(twisting) => Box::new(TwistSwingPose::new(posing, twisting)),
         })
     }
 }
@@ -257,10 +248,4 @@ impl Skinner {
 /// Rotations of the joints' maps by polar decomposition.
 pub(super) fn joint_rotations(matrices: &[Matrix4<f64>]) -> Vec<UnitQuaternion<f64>> {
     matrices.iter().map(|m| polar(&dual_quaternion::linear(m)).0).collect()
-}
-
-/// An operation on a posed method, generic so that every method gets its own inner loop.
-trait Visit {
-    type Output;
-    fn visit(self, method: &impl PosedMethod, vertices: usize) -> Self::Output;
 }

@@ -157,9 +157,9 @@ fn tangents(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
 /// The first vertex with the same position and weights.
 fn copies(mesh: &TriMesh, weights: &SkinWeights) -> Vec<u32> {
     let mut seen: HashMap<[u64; 3], u32> = HashMap::with_capacity(mesh.vertex_count());
-    let place = |(v, p): (usize, &Point3<f64>)| {
-        let first = *seen.entry([p.x, p.y, p.z].map(f64::to_bits)).or_insert(v as u32);
-        if weights.row(first as usize) == weights.row(v) { first } else { v as u32 }
+    let first = |(v, p): (usize, &Point3<f64>)| {
+        let known = *seen.entry([p.x, p.y, p.z].map(f64::to_bits)).or_insert(v as u32);
+        if weights.row(known as usize) == weights.row(v) { known } else { v as u32 }
     };
-    mesh.positions().iter().enumerate().map(place).collect()
+    mesh.positions().iter().enumerate().map(first).collect()
 }

@@ -17,10 +17,9 @@
 use nalgebra::{Matrix4, Point3, UnitQuaternion, Vector3};
 
 use super::super::{Influence, Skeleton};
-use super::dual_quaternion::{DualQuaternionPose, linear};
+use super::dual_quaternion::DualQuaternionPose;
 use super::linear_blend::LinearPose;
-use super::{Jet, PosedMethod, Posing};
-use plumbline_num::math::polar;
+use super::{Jet, PosedMethod, Posing, joint_rotations};
 
 /// Parents and bone axes of joints.
 #[derive(Clone, Debug)]
@@ -49,10 +48,10 @@ impl Twisting {
 
     /// `κ` of two joints in a pose: 0 for a pure swing, 1 for a pure twist.
     fn twist(&self, rotations: &[UnitQuaternion<f64>], j: u32, k: u32) -> f64 {
-        let turn = rotations[j as usize].rotation_to(&rotations[k as usize]);
+        let rotation = rotations[j as usize].rotation_to(&rotations[k as usize]);
         // Expressed in rest space: R_k = R_j R', R' = R_jᵀ R_k.
-        let turn = rotations[j as usize].inverse() * turn * rotations[j as usize];
-        let Some(axis) = turn.imag().try_normalize(1e-12) else { return 0.0 };
+        let rotation = rotations[j as usize].inverse() * rotation * rotations[j as usize];
+        let Some(axis) = rotation.imag().try_normalize(1e-12) else { return 0.0 };
         let along = |of: u32| axis.dot(&self.axes[of as usize]).powi(2);
         match (self.parents[j as usize] == Some(k), self.parents[k as usize] == Some(j)) {
             (true, _) => along(j),
@@ -73,7 +72,7 @@ pub(super) struct TwistSwingPose<'a> {
 
 impl<'a> TwistSwingPose<'a> {
     pub(super) fn new(posing: Posing<'a>, twisting: &'a Twisting) -> Self {
-        let rotations = posing.matrices.iter().map(|m| polar(&linear(m)).0).collect();
+        let rotations = joint_rotations(posing.matrices);
         let (linear, dual) = (LinearPose::new(posing), DualQuaternionPose::new(posing));
         Self { linear, dual, posing, twisting, rotations }
     }

@@ -39,17 +39,17 @@ use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError, Spar
 /// Range of the bone parameter whose vertices are anchors: the middle fifth of each bone.
 const ANCHOR: std::ops::RangeInclusive<f64> = 0.4..=0.6;
 /// Largest number of iterations: five joints converge in 300, sixty with fingers in 1100.
-const ROUNDS: usize = 2000;
+const MAX_ITERATIONS: usize = 2000;
 /// Largest difference of the two copies at convergence: below the weights that are pruned (1e-3).
 const TOLERANCE: f64 = 1e-4;
 /// Over-relaxation factor; Boyd et al. recommend 1.5 to 1.8.
 const RELAXATION: f64 = 1.6;
 /// Length whose inverse fourth power is the initial `ρ`, in bounding-box diagonals; adapted from there.
-const LENGTH: f64 = 0.03;
+const INITIAL_LENGTH: f64 = 0.03;
 /// Iterations between updates of `ρ`: an update costs a factorization, as much as a few iterations.
-const LOOK: usize = 10;
+const UPDATE_INTERVAL: usize = 10;
 /// `ρ` is updated if its target differs by more than this factor.
-const OFF: f64 = 2.0;
+const UPDATE_FACTOR: f64 = 2.0;
 /// Weights below this are dropped from rows: far below [`TOLERANCE`].
 const MIN_KEPT_WEIGHT: f64 = 1e-6;
 /// Upper bound of half cotangents: squared in `Q`, they reach 10⁶ beside 1.
@@ -121,7 +121,7 @@ impl System {
         let pull = laplacian.coupling().iter().filter_map(anchored).collect();
         let smoothness = laplacian.matrix().clone();
         let mass: Vec<f64> = free.iter().map(|&v| areas[v]).collect();
-        let rho = (LENGTH * mesh.diagonal()).powi(-4);
+        let rho = (INITIAL_LENGTH * mesh.diagonal()).powi(-4);
         run.check()?;
         let mut cholesky = Cholesky::analyze(smoothness.pattern(), &Ordering::Amd)?;
         cholesky.factor(&regularized(&smoothness, &mass, rho), run)?;
@@ -146,26 +146,26 @@ impl System {
         run: &Run,
     ) -> Result<(), SparseError> {
         let n = self.free.len();
-        let place = |joint: u32| used.binary_search(&joint).expect("a joint of a bone");
+        let column = |joint: u32| used.binary_search(&joint).expect("a joint of a bone");
         let mut copies = Copies::new(n, used.len());
         for (u, &v) in self.free.iter().enumerate() {
-            rows[v].iter().for_each(|&(j, w)| copies.bounded[place(j) * n + u] = w);
+            rows[v].iter().for_each(|&(j, w)| copies.bounded[column(j) * n + u] = w);
         }
         let mut given = vec![0.0; copies.bounded.len()];
-        self.pull.iter().for_each(|&(u, j, w)| given[place(j) * n + u as usize] += w);
-        for round in 1..=ROUNDS {
-            run.step((round - 1) as f64 / ROUNDS as f64)?;
+        self.pull.iter().for_each(|&(u, j, w)| given[column(j) * n + u as usize] += w);
+        for iteration in 1..=MAX_ITERATIONS {
+            run.step((iteration - 1) as f64 / MAX_ITERATIONS as f64)?;
             for (i, x) in copies.smooth.iter_mut().enumerate() {
                 *x = given[i] + self.rho * self.mass[i % n] * (copies.bounded[i] - copies.dual[i]);
             }
             self.factor.solve_columns(&mut copies.smooth);
             let step = copies.project(&self.mass);
-            (report.iterations, report.residual) = (round, step.apart.max(step.moved));
+            (report.iterations, report.residual) = (iteration, step.apart.max(step.moved));
             if report.residual < TOLERANCE {
                 break;
             }
             let change = step.change_of_rho();
-            if round % LOOK == 0 && !(1.0 / OFF..=OFF).contains(&change) {
+            if iteration % UPDATE_INTERVAL == 0 && !(1.0 / UPDATE_FACTOR..=UPDATE_FACTOR).contains(&change) {
                 self.set_rho(self.rho * change, run)?;
                 copies.dual.iter_mut().for_each(|u| *u /= change);
             }
@@ -185,12 +185,11 @@ impl System {
 
 /// Vertices that are not anchors, of components with anchors.
 fn free_vertices(welded: &Welded, anchors: &[Option<u32>]) -> Vec<usize> {
-    let mut held = vec![false; anchors.len() + 1];
+    let mut anchored = vec![false; anchors.len()];
     for (v, _) in anchors.iter().enumerate().filter(|(_, a)| a.is_some()) {
-        let piece = welded.piece_of(v) as usize;
-        held[piece] = piece < welded.piece_count();
+        anchored[welded.piece_of(v) as usize] = !welded.is_isolated(v);
     }
-    (0..anchors.len()).filter(|&v| anchors[v].is_none() && held[welded.piece_of(v) as usize]).collect()
+    (0..anchors.len()).filter(|&v| anchors[v].is_none() && anchored[welded.piece_of(v) as usize]).collect()
 }
 
 /// `Q + ρ M`.

@@ -48,11 +48,10 @@ pub(super) struct Source {
 /// One row per welded vertex; empty if its component sees no bone.
 pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) -> Result<Vec<Row>, CharacterError> {
     let sources = sources(welded, bones, run)?;
-    let mut warm = vec![false; welded.positions().len() + 1];
+    let mut warm = vec![false; sources.len()];
     for (v, source) in sources.iter().enumerate() {
         // An isolated vertex has no area to receive heat.
-        let piece = welded.piece_of(v) as usize;
-        warm[piece] |= !source.bones.is_empty() && piece < welded.piece_count();
+        warm[welded.piece_of(v) as usize] |= !source.bones.is_empty() && !welded.is_isolated(v);
     }
     // Unknowns: vertices of components that see a bone.
     let is_warm = |v: usize| warm[welded.piece_of(v) as usize];

@@ -28,22 +28,21 @@ pub(super) fn linear_blend(vertices: &[PackedVertex], maps: &[Columns], out: &mu
     unsafe { linear_blend_kernel(vertices, maps, out) }
 }
 
-pub(super) fn dual_quaternion(vertices: &[PackedVertex], motions: &[Motion], out: &mut [[f32; 3]]) {
-    assert!(available() && vertices.len() == out.len(), "checked by the caller");
-    // SAFETY: the processor has AVX2 and FMA.
-    unsafe { dual_quaternion_kernel::<false>(vertices, &[], motions, out) }
-}
-
-pub(super) fn scaled_dual_quaternion(
+pub(super) fn dual_quaternion(
     vertices: &[PackedVertex],
-    scales: &[Columns],
+    scales: Option<&[Columns]>,
     motions: &[Motion],
     out: &mut [[f32; 3]],
 ) {
     assert!(available() && vertices.len() == out.len(), "checked by the caller");
-    assert_eq!(scales.len(), motions.len(), "a scale for each motion");
+    assert!(scales.is_none_or(|scales| scales.len() == motions.len()), "a scale for each motion");
     // SAFETY: the processor has AVX2 and FMA.
-    unsafe { dual_quaternion_kernel::<true>(vertices, scales, motions, out) }
+    unsafe {
+        match scales {
+            Some(scales) => dual_quaternion_kernel::<true>(vertices, scales, motions, out),
+            None => dual_quaternion_kernel::<false>(vertices, &[], motions, out),
+        }
+    }
 }
 
 #[target_feature(enable = "avx2,fma")]
@@ -64,8 +63,8 @@ fn dual_quaternion_kernel<const SCALED: bool>(
     for (i, vertex) in vertices.iter().enumerate() {
         check(vertex, motions.len());
         let [x, y, z] = vertex.position;
-        let place = if SCALED { blended(vertex, scales) } else { _mm_setr_ps(x, y, z, 0.0) };
-        store(out, i, moved(vertex, motions, place));
+        let position = if SCALED { blended(vertex, scales) } else { _mm_setr_ps(x, y, z, 0.0) };
+        store(out, i, moved(vertex, motions, position));
     }
 }
 

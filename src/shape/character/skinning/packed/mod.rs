@@ -126,14 +126,10 @@ impl PackedSkin {
         let pivots: Vec<Point3<f64>> = self.pivots.iter().map(|p| p - self.middle.coords).collect();
         let motions = Motions::new(&moved, &pivots);
         let rigid: Vec<Motion> = motions.rigid.iter().map(|q| q.map(|c| c as f32)).collect();
-        match &motions.scales {
-            // A deviation of 1e-7 is below single precision.
-            Some(scales) if scales.iter().any(|s| farthest_from_identity(s) > 1e-7) => {
-                let scales: Vec<Columns> = scales.iter().map(affine_columns).collect();
-                match_kernel!(scaled_dual_quaternion(&self.vertices, &scales, &rigid, out));
-            }
-            _ => match_kernel!(dual_quaternion(&self.vertices, &rigid, out)),
-        }
+        // A deviation of 1e-7 is below single precision.
+        let scales = motions.scales.filter(|scales| scales.iter().any(|s| farthest_from_identity(s) > 1e-7));
+        let scales: Option<Vec<Columns>> = scales.map(|scales| scales.iter().map(affine_columns).collect());
+        match_kernel!(dual_quaternion(&self.vertices, scales.as_deref(), &rigid, out));
         Ok(middle)
     }
 

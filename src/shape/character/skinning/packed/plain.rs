@@ -8,20 +8,14 @@ pub(super) fn linear_blend(vertices: &[PackedVertex], maps: &[Columns], out: &mu
     }
 }
 
-pub(super) fn dual_quaternion(vertices: &[PackedVertex], motions: &[Motion], out: &mut [[f32; 3]]) {
-    for (vertex, x) in vertices.iter().zip(out) {
-        *x = moved(vertex, motions, vertex.position);
-    }
-}
-
-pub(super) fn scaled_dual_quaternion(
+pub(super) fn dual_quaternion(
     vertices: &[PackedVertex],
-    scales: &[Columns],
+    scales: Option<&[Columns]>,
     motions: &[Motion],
     out: &mut [[f32; 3]],
 ) {
     for (vertex, x) in vertices.iter().zip(out) {
-        *x = moved(vertex, motions, blended(vertex, scales));
+        *x = moved(vertex, motions, scales.map_or(vertex.position, |scales| blended(vertex, scales)));
     }
 }
 

@@ -70,10 +70,10 @@ fn the_avx2_kernels_agree_with_the_scalar_ones_to_the_last_vertex() {
         let [a, b, c, d, e, f] = &mut results;
         avx2::linear_blend(&vertices, &maps, a);
         plain::linear_blend(&vertices, &maps, b);
-        avx2::dual_quaternion(&vertices, &motions, c);
-        plain::dual_quaternion(&vertices, &motions, d);
-        avx2::scaled_dual_quaternion(&vertices, &maps, &motions, e);
-        plain::scaled_dual_quaternion(&vertices, &maps, &motions, f);
+        avx2::dual_quaternion(&vertices, None, &motions, c);
+        plain::dual_quaternion(&vertices, None, &motions, d);
+        avx2::dual_quaternion(&vertices, Some(&maps), &motions, e);
+        plain::dual_quaternion(&vertices, Some(&maps), &motions, f);
         for pair in results.chunks(2) {
             for (x, y) in pair[0].iter().zip(&pair[1]) {
                 let size = x.iter().map(|c| c.abs()).fold(1.0, f32::max);
@@ -88,7 +88,7 @@ fn motions_that_cancel_leave_their_vertex_unmoved() {
     let vertex = PackedVertex { position: [1.0, 2.0, 3.0], weights: [0.0; 4], joints: [0; 4] };
     let motion = [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]];
     let mut out = [[0.0; 3]];
-    match_kernel!(dual_quaternion(&[vertex], &motion, &mut out));
+    match_kernel!(dual_quaternion(&[vertex], None, &motion, &mut out));
     assert_eq!(out[0], vertex.position);
 }
 
