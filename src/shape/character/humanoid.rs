@@ -74,7 +74,7 @@ fn right(name: &str) -> Option<String> {
 }
 
 fn skeleton() -> Result<Skeleton, CharacterError> {
-    let place = |name: &str| JOINTS.iter().find(|j| j.0 == name).map_or(Vector3::zeros(), |j| Vector3::from(j.2));
+    let position = |name: &str| JOINTS.iter().find(|j| j.0 == name).map_or(Vector3::zeros(), |j| Vector3::from(j.2));
     let mut joints: Vec<Joint> = Vec::new();
     let mut number = std::collections::HashMap::new();
     for mirrored in [false, true] {
@@ -83,7 +83,7 @@ fn skeleton() -> Result<Skeleton, CharacterError> {
             let Some(own) = own else { continue };
             let side = if mirrored { Vector3::new(-1.0, 1.0, 1.0) } else { Vector3::repeat(1.0) };
             let above = if mirrored { right(parent).unwrap_or_else(|| parent.to_owned()) } else { parent.to_owned() };
-            let offset = (Vector3::from(at) - place(parent)).component_mul(&side);
+            let offset = (Vector3::from(at) - position(parent)).component_mul(&side);
             let limits = limits(name, if mirrored { -1.0 } else { 1.0 });
             let parent = number.get(&above).copied();
             number.insert(own.clone(), joints.len() as u32);
@@ -159,12 +159,12 @@ fn times() -> Vec<f64> {
 fn turning(
     skeleton: &Skeleton,
     name: &str,
-    turn: impl Fn(f64) -> UnitQuaternion<f64>,
+    rotation: impl Fn(f64) -> UnitQuaternion<f64>,
 ) -> Result<Track, CharacterError> {
-    let turns: Vec<_> = times().iter().map(|t| turn(std::f64::consts::TAU * t / LENGTH)).collect();
+    let keys: Vec<_> = times().iter().map(|t| rotation(std::f64::consts::TAU * t / LENGTH)).collect();
     Ok(Track {
         joint: skeleton.named(name)?,
-        curve: Curve::Rotation(rotations(times(), &turns, Interpolation::Smooth)?),
+        curve: Curve::Rotation(rotations(times(), &keys, Interpolation::Smooth)?),
     })
 }
 

@@ -60,8 +60,8 @@ impl DetailRefiner {
         CharacterError::check_per_vertex("skinned positions", skinned.len(), self.weights.vertex_count())?;
         CharacterError::check_matrices(self.weights.joint_count(), matrices.len())?;
         let rotations = joint_rotations(matrices);
-        let turns: Vec<Matrix3<f64>> = self.weights.rows().map(|row| blended(&rotations, row)).collect();
-        Ok(self.solver.solve(&turns, &HandlePose::new(skinned), run)?.positions)
+        let vertex_rotations: Vec<Matrix3<f64>> = self.weights.rows().map(|row| blended(&rotations, row)).collect();
+        Ok(self.solver.solve(&vertex_rotations, &HandlePose::new(skinned), run)?.positions)
     }
 }
 
@@ -73,8 +73,8 @@ fn blended(rotations: &[UnitQuaternion<f64>], row: &[super::Influence]) -> Matri
         q.into_inner() * if q.dot(&pivot) < 0.0 { -i.weight } else { i.weight }
     };
     let sum = row.iter().map(term).fold(Quaternion::from_imag(nalgebra::Vector3::zeros()), |a, b| a + b);
-    let turn = UnitQuaternion::try_new(sum, 0.0).unwrap_or(pivot);
-    turn.to_rotation_matrix().into_inner()
+    let mean = UnitQuaternion::try_new(sum, 0.0).unwrap_or(pivot);
+    mean.to_rotation_matrix().into_inner()
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ const MAX_TEMPLATE_ENDS: usize = 64;
 const ROOT_WEIGHT: f64 = 0.2;
 
 /// Leaves of a graph, in order.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Ends {
     /// Their nodes.
     pub(super) nodes: Vec<u32>,
@@ -64,14 +64,7 @@ pub(super) fn of_curve(branches: &Graph) -> Ends {
 }
 
 fn far_first(graph: &Graph, mut candidates: Vec<u32>, most: usize) -> Ends {
-    let mut ends = Ends {
-        nodes: Vec::new(),
-        reach: Vec::new(),
-        need: Vec::new(),
-        around: Vec::new(),
-        trust: Vec::new(),
-        paths: Vec::new(),
-    };
+    let mut ends = Ends::default();
     let Some(&start) = candidates.first() else { return ends };
     let mut added = graph.paths(start).length;
     while let Some((at, reach)) = farthest(&candidates, &added).filter(|_| ends.nodes.len() < most) {
@@ -110,8 +103,8 @@ fn around(graph: &Graph, ends: &Ends) -> Vec<f64> {
     let Some(to_first) = ends.paths.first() else { return Vec::new() };
     let mut seen = std::collections::BTreeSet::new();
     let mut own = |node: &u32| {
-        let way = to_first.back_from(*node);
-        let pairs = way.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]);
+        let path = to_first.back_from(*node);
+        let pairs = path.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]);
         let fresh: Vec<_> = pairs.filter(|pair| seen.insert(*pair)).collect();
         graph.surface_fraction_around(fresh.into_iter())
     };

@@ -26,8 +26,8 @@ type Directions = (Unit<Vector3<f64>>, Unit<Vector3<f64>>);
 /// A fitted joint.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
-    place: Vector3<f64>,
-    turn: Matrix3<f64>,
+    position: Vector3<f64>,
+    rotation: Matrix3<f64>,
     scale: f64,
 }
 
@@ -37,9 +37,9 @@ pub(super) fn posed(
     bones: &Graph,
     branches: &Graph,
     layout: &Layout,
-    places: &[Option<Vector3<f64>>],
+    positions: &[Option<Vector3<f64>>],
 ) -> Result<(Skeleton, Vec<FittedLimb>), CharacterError> {
-    let mut placed = on_the_curve(template, bones, layout, places);
+    let mut placed = on_the_curve(template, bones, layout, positions);
     let limbs = limbs(bones, layout, &placed);
     // Joints without image follow their neighbors, breadth first.
     let mut queue: Vec<u32> = (0..placed.len() as u32).filter(|j| placed[*j as usize].is_some()).collect();
@@ -48,12 +48,13 @@ pub(super) fn posed(
     let mut next = 0;
     while let Some(at) = queue.get(next).copied() {
         next += 1;
-        let Some(held) = placed[at as usize] else { continue };
+        let Some(known) = placed[at as usize] else { continue };
         for &j in bones.neighbors(at) {
             if placed[j as usize].is_none() {
-                let way = bones.points[j as usize] - bones.points[at as usize];
-                let (turn, scale) = if is_above(j, at) { whole } else { (held.turn, held.scale) };
-                placed[j as usize] = Some(Placed { place: held.place + turn * way * scale, turn, scale });
+                let offset = bones.points[j as usize] - bones.points[at as usize];
+                let (rotation, scale) = if is_above(j, at) { whole } else { (known.rotation, known.scale) };
+                placed[j as usize] =
+                    Some(Placed { position: known.position + rotation * offset * scale, rotation, scale });
                 queue.push(j);
             }
         }
@@ -67,9 +68,9 @@ fn on_the_curve(
     template: &Skeleton,
     bones: &Graph,
     layout: &Layout,
-    places: &[Option<Vector3<f64>>],
+    positions: &[Option<Vector3<f64>>],
 ) -> Vec<Option<Placed>> {
-    let mut lengths = vec![[0.0; 2]; places.len()];
+    let mut lengths = vec![[0.0; 2]; positions.len()];
     for limb in &layout.limbs {
         for j in &limb.joints {
             let [old, new] = &mut lengths[*j as usize];
@@ -77,24 +78,24 @@ fn on_the_curve(
             *new += limb.path.length();
         }
     }
-    let mut placed: Vec<Option<Placed>> = vec![None; places.len()];
+    let mut placed: Vec<Option<Placed>> = vec![None; positions.len()];
     for &j in template.parents_first() {
-        let Some(place) = places[j as usize] else { continue };
+        let Some(position) = positions[j as usize] else { continue };
         let parent = template.joints()[j as usize].parent.and_then(|p| placed[p as usize]);
-        let base = parent.map_or(layout.alignment.rotation, |p| p.turn);
+        let base = parent.map_or(layout.alignment.rotation, |p| p.rotation);
         let bone = |c: &u32| {
-            let (old, new) = (bones.points[*c as usize] - bones.points[j as usize], places[*c as usize]? - place);
+            let (old, new) = (bones.points[*c as usize] - bones.points[j as usize], positions[*c as usize]? - position);
             Some((Unit::try_new(old, 1e-12)?, Unit::try_new(new, 1e-12)?))
         };
         let directions: Vec<Directions> = template.children(j).iter().filter_map(bone).collect();
         let [old, new] = lengths[j as usize];
-        placed[j as usize] = Some(Placed { place, turn: turn(&base, &directions), scale: new / old });
+        placed[j as usize] = Some(Placed { position, rotation: rotation(&base, &directions), scale: new / old });
     }
     placed
 }
 
 /// The rotation that best maps the first of each pair to the second.
-fn turn(base: &Matrix3<f64>, directions: &[Directions]) -> Matrix3<f64> {
+fn rotation(base: &Matrix3<f64>, directions: &[Directions]) -> Matrix3<f64> {
     match directions {
         [] => *base,
         [(old, new)] => shortest(&(base * old.into_inner()), new) * base,
@@ -119,9 +120,9 @@ fn rebuilt(template: &Skeleton, branches: &Graph, placed: &[Placed]) -> Result<S
     let mut joints = template.joints().to_vec();
     let mut worlds: Vec<Matrix4<f64>> = vec![Matrix4::identity(); joints.len()];
     for &j in template.parents_first() {
-        let Placed { place, turn, .. } = placed[j as usize];
-        let mut world = turn.to_homogeneous() * old[j as usize];
-        world.fixed_view_mut::<3, 1>(0, 3).copy_from(&branches.of_model(&place).coords);
+        let Placed { position, rotation, .. } = placed[j as usize];
+        let mut world = rotation.to_homogeneous() * old[j as usize];
+        world.fixed_view_mut::<3, 1>(0, 3).copy_from(&branches.of_model(&position).coords);
         let above = joints[j as usize].parent.map_or_else(Matrix4::identity, |p| worlds[p as usize]);
         let flat = || {
             let name = &template.joints()[j as usize].name;

@@ -48,7 +48,7 @@ pub(super) struct Layout {
     /// Limbs with a path.
     pub(super) limbs: Vec<Limb>,
     /// Joint positions, in units of the curve; `None` for joints without image.
-    places: Vec<Option<Vector3<f64>>>,
+    positions: Vec<Option<Vector3<f64>>>,
     /// The best similarity from the template.
     pub(super) alignment: Alignment,
     pub(super) cost: f64,
@@ -67,18 +67,18 @@ impl Layout {
         let mut limbs = Vec::new();
         for joints in chains(&spanned) {
             let (from, to) = (nodes[joints[0] as usize]?, nodes[joints[joints.len() - 1] as usize]?);
-            let way = branches.paths(to).back_from(from);
+            let route = branches.paths(to).back_from(from);
             let least = doubted(joints[0]).min(doubted(joints[joints.len() - 1]));
             trust = least.min(trust);
-            used[usize::from(least < 1.0)].extend(way.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]));
-            limbs.push(Limb::new(bones, branches, joints, &way)?);
+            used[usize::from(least < 1.0)].extend(route.windows(2).map(|w| [w[0].min(w[1]), w[0].max(w[1])]));
+            limbs.push(Limb::new(bones, branches, joints, &route)?);
         }
         let [sure, doubted] = used;
         let only = doubted.difference(&sure).copied();
         let covered =
             branches.surface_fraction_around(sure.iter().copied()) + trust * branches.surface_fraction_around(only);
         let mut layout = Self {
-            places: placed(&limbs, bones.points.len(), |limb| limb.fractions.clone()),
+            positions: placed(&limbs, bones.points.len(), |limb| limb.fractions.clone()),
             limbs,
             alignment: Moments::default().alignment(),
             cost: 0.0,
@@ -103,9 +103,9 @@ impl Layout {
     /// Whether joints differ by more than a fraction of the curve's length on average.
     pub(super) fn differs(&self, other: &Self, fraction: f64) -> bool {
         let both: Vec<f64> = self
-            .places
+            .positions
             .iter()
-            .zip(&other.places)
+            .zip(&other.positions)
             .filter_map(|(a, b)| Some((a.as_ref()? - b.as_ref()?).norm()))
             .collect();
         both.iter().sum::<f64>() > fraction * both.len() as f64
@@ -113,22 +113,22 @@ impl Layout {
 
     /// Joint positions adapted to the bends of the paths.
     pub(super) fn refined(&self) -> Vec<Option<Vector3<f64>>> {
-        placed(&self.limbs, self.places.len(), |limb| bent(&limb.path, &limb.fractions))
+        placed(&self.limbs, self.positions.len(), |limb| bent(&limb.path, &limb.fractions))
     }
 
     /// Rotation of the trunk: junctions, their neighbors and the limbs between two junctions; without junctions that of all joints.
-    pub(super) fn trunk_turn(&self, bones: &Graph, places: &[Option<Vector3<f64>>]) -> Matrix3<f64> {
+    pub(super) fn trunk_turn(&self, bones: &Graph, positions: &[Option<Vector3<f64>>]) -> Matrix3<f64> {
         let meet = |j: &u32| bones.neighbors(*j).len() > 2;
         let between = self.limbs.iter().filter(|l| meet(&l.joints[0]) && meet(&l.joints[l.joints.len() - 1]));
         let mut trunk: BTreeSet<u32> = between.flat_map(|l| l.joints.iter().copied()).collect();
-        for j in (0..places.len() as u32).filter(meet) {
+        for j in (0..positions.len() as u32).filter(meet) {
             trunk.insert(j);
             trunk.extend(bones.neighbors(j));
         }
         let mut moments = Moments::default();
         for j in &trunk {
-            if let Some(place) = places[*j as usize] {
-                moments.add(1.0, &bones.points[*j as usize], &place);
+            if let Some(position) = positions[*j as usize] {
+                moments.add(1.0, &bones.points[*j as usize], &position);
             }
         }
         if trunk.is_empty() { self.alignment.rotation } else { moments.alignment().rotation }
@@ -137,10 +137,10 @@ impl Layout {
     /// Similarity of all joints, weighted by the lengths of their bones.
     fn aligned(&self, bones: &Graph) -> Alignment {
         let mut moments = Moments::default();
-        for (j, place) in self.places.iter().enumerate() {
-            let Some(place) = place else { continue };
+        for (j, position) in self.positions.iter().enumerate() {
+            let Some(position) = position else { continue };
             let weight: f64 = bones.neighbors(j as u32).iter().map(|n| bones.length(j as u32, *n)).sum();
-            moments.add(weight, &bones.points[j], place);
+            moments.add(weight, &bones.points[j], position);
         }
         moments.alignment()
     }
@@ -155,13 +155,13 @@ impl Layout {
 }
 
 impl Limb {
-    fn new(bones: &Graph, branches: &Graph, joints: Vec<u32>, way: &[u32]) -> Option<Self> {
+    fn new(bones: &Graph, branches: &Graph, joints: Vec<u32>, route: &[u32]) -> Option<Self> {
         let mut upto = vec![0.0];
         for pair in joints.windows(2) {
             upto.push(upto[upto.len() - 1] + bones.length(pair[0], pair[1]));
         }
         let length = upto[upto.len() - 1];
-        let path = Path::new(way.iter().map(|n| branches.points[*n as usize]).collect());
+        let path = Path::new(route.iter().map(|n| branches.points[*n as usize]).collect());
         let fractions = upto.iter().map(|u| u / length).collect();
         (length > 0.0 && path.length() > 0.0).then_some(Self { joints, fractions, length, path })
     }
@@ -169,13 +169,13 @@ impl Limb {
 
 /// Joint positions at given fractions of the limbs.
 fn placed(limbs: &[Limb], joints: usize, fractions: impl Fn(&Limb) -> Vec<f64>) -> Vec<Option<Vector3<f64>>> {
-    let mut places = vec![None; joints];
+    let mut positions = vec![None; joints];
     for limb in limbs {
         for (j, fraction) in limb.joints.iter().zip(fractions(limb)) {
-            places[*j as usize] = Some(limb.path.at(fraction));
+            positions[*j as usize] = Some(limb.path.at(fraction));
         }
     }
-    places
+    positions
 }
 
 /// Both graphs, and the images of the leaves.
@@ -250,7 +250,7 @@ impl Matching<'_> {
     }
 
     fn cost(&self, b: u32, n: u32, scale: f64, sides: &[u32]) -> f64 {
-        let mut ways = vec![(0.0, 0.0); sides.len()];
+        let mut means = vec![(0.0, 0.0); sides.len()];
         let (mut misfit, mut ends) = (0.0, 0.0);
         for (i, e) in self.pairs() {
             let length = self.theirs.paths[e].length[n as usize];
@@ -258,10 +258,10 @@ impl Matching<'_> {
             ends += 1.0;
             let side = sides.iter().position(|s| Some(*s) == self.ours.paths[i].before(b));
             if let Some(side) = side {
-                ways[side] = (ways[side].0 + length, ways[side].1 + 1.0);
+                means[side] = (means[side].0 + length, means[side].1 + 1.0);
             }
         }
-        ways.iter().filter(|w| w.1 > 0.0).map(|w| w.0 / w.1).sum::<f64>() + LENGTH_WEIGHT * misfit / ends
+        means.iter().filter(|w| w.1 > 0.0).map(|w| w.0 / w.1).sum::<f64>() + LENGTH_WEIGHT * misfit / ends
     }
 }
 

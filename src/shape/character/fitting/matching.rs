@@ -66,7 +66,7 @@ pub(super) fn candidates(
     };
     let mut beam = vec![none];
     for (k, reach) in ours.reach.iter().enumerate() {
-        let place = bones.points[ours.nodes[k] as usize];
+        let position = bones.points[ours.nodes[k] as usize];
         let mut next = Vec::with_capacity(beam.len() * (theirs.nodes.len() + 1));
         for partial in &beam {
             run.check()?;
@@ -80,7 +80,7 @@ pub(super) fn candidates(
             for e in (0..theirs.nodes.len()).filter(|e| !partial.images.contains(&Some(*e))) {
                 let Some(logs) = lengths(partial, ours, theirs, k, e) else { continue };
                 let mut moments = partial.moments;
-                moments.add(*reach, &place, &branches.points[theirs.nodes[e] as usize]);
+                moments.add(*reach, &position, &branches.points[theirs.nodes[e] as usize]);
                 let covered = partial.covered + theirs.around[e] * ours.trust[k];
                 let cost =
                     spread(&logs) + POSITION_WEIGHT * moments.alignment().residual + partial.missing + spare(covered);

@@ -102,15 +102,16 @@ pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Re
     let best = layouts.first().ok_or_else(|| graph::no_limbs(curve.nodes.len()))?;
     let rivals: Vec<&Layout> =
         layouts.iter().take_while(|l| l.cost < best.cost + TIE).filter(|l| l.differs(best, DIFFERENT)).collect();
-    let turn = |l: &&Layout| -l.alignment.rotation.trace();
-    let chosen = rivals.iter().copied().chain([best]).min_by(|a, b| turn(a).total_cmp(&turn(b))).unwrap_or(best);
-    let places = chosen.refined();
-    let (skeleton, limbs) = frames::posed(template, &bones, &branches, chosen, &places)?;
+    let angle_cost = |l: &&Layout| -l.alignment.rotation.trace();
+    let chosen =
+        rivals.iter().copied().chain([best]).min_by(|a, b| angle_cost(a).total_cmp(&angle_cost(b))).unwrap_or(best);
+    let positions = chosen.refined();
+    let (skeleton, limbs) = frames::posed(template, &bones, &branches, chosen, &positions)?;
     Ok(TemplateFit {
         skeleton,
         limbs,
         scale: chosen.scale() * branches.size / bones.size,
-        rotation: UnitQuaternion::from_matrix(&chosen.trunk_turn(&bones, &places)),
+        rotation: UnitQuaternion::from_matrix(&chosen.trunk_turn(&bones, &positions)),
         residual: chosen.alignment.residual.sqrt(),
         spare_ends: branches.ends().len().saturating_sub(chosen.matched_ends()),
         ambiguous: !rivals.is_empty(),

@@ -31,8 +31,8 @@ impl TemplateFit {
         let start = clip.span().map_or(0.0, |span| span.0);
         let mut tracks = clip.tracks().iter().map(|t| self.track(template, t)).collect::<Result<Vec<_>, _>>()?;
         for joint in 0..template.joint_count() as u32 {
-            let turns = |t: &&Track| t.joint == joint && matches!(t.curve, Curve::Rotation(_));
-            if clip.tracks().iter().any(|t| turns(&t)) {
+            let rotations = |t: &&Track| t.joint == joint && matches!(t.curve, Curve::Rotation(_));
+            if clip.tracks().iter().any(|t| rotations(&t)) {
                 continue;
             }
             let [left, right] = self.beside(template, joint);
@@ -52,13 +52,13 @@ impl TemplateFit {
         let curve = match &track.curve {
             Curve::Rotation(keys) => {
                 let [left, right] = self.beside(template, joint).map(UnitQuaternion::into_inner);
-                let turned = |q: &[f64; 4]| -> [f64; 4] { (left * Quaternion::from(*q) * right).coords.into() };
-                Curve::Rotation(RotationKeys::new(mapped(keys.keys(), turned, turned)?)?)
+                let rotated = |q: &[f64; 4]| -> [f64; 4] { (left * Quaternion::from(*q) * right).coords.into() };
+                Curve::Rotation(RotationKeys::new(mapped(keys.keys(), rotated, rotated)?)?)
             }
             Curve::Translation(keys) => {
-                let turn = if before.parent.is_none() { self.rotation } else { UnitQuaternion::identity() };
+                let rotation = if before.parent.is_none() { self.rotation } else { UnitQuaternion::identity() };
                 let size = self.size_at(joint);
-                let along = |v: &[f64; 3]| turn * (Vector3::from(*v) * size);
+                let along = |v: &[f64; 3]| rotation * (Vector3::from(*v) * size);
                 let moved = |p: &[f64; 3]| -> [f64; 3] {
                     let from = Vector3::from(*p) - before.rest.translation;
                     (now.rest.translation + along(&from.into())).into()

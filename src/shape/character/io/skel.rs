@@ -77,7 +77,7 @@ pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, R
     let poses = words.count("the number of poses", MAX_POSES)?;
     let joints = words.count("the number of joints, no more than the skeleton has", skeleton.joint_count())?;
     let mut times = Vec::new();
-    let mut turns: Vec<Vec<UnitQuaternion<f64>>> = vec![Vec::new(); joints];
+    let mut joint_rotations: Vec<Vec<UnitQuaternion<f64>>> = vec![Vec::new(); joints];
     for k in 0..poses {
         let time = words.number(&format!("the time of pose {k}"))?;
         times.push(time);
@@ -91,7 +91,8 @@ pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, R
             if axis.is_none() && angle != 0.0 {
                 return Err(words.fault(format!("joint {j} turns by {angle} about an axis without length")));
             }
-            turns[j].push(axis.map_or_else(UnitQuaternion::identity, |a| UnitQuaternion::from_axis_angle(&a, angle)));
+            joint_rotations[j]
+                .push(axis.map_or_else(UnitQuaternion::identity, |a| UnitQuaternion::from_axis_angle(&a, angle)));
         }
     }
     if !times.windows(2).all(|t| t[0] < t[1]) {
@@ -99,12 +100,12 @@ pub fn parse_anim(text: &str, name: &str, skeleton: &Skeleton) -> Result<Clip, R
     }
     let moves = |t: &Vec<UnitQuaternion<f64>>| t.iter().any(|q| *q != UnitQuaternion::identity());
     let mut tracks = Vec::new();
-    for (j, turns) in turns.iter().enumerate().filter(|(_, t)| moves(t)) {
+    for (j, joint_rotations) in joint_rotations.iter().enumerate().filter(|(_, t)| moves(t)) {
         let rest = skeleton.joints()[j].rest.rotation;
-        let turns: Vec<_> = turns.iter().map(|turn| rest * turn).collect();
+        let joint_rotations: Vec<_> = joint_rotations.iter().map(|rotation| rest * rotation).collect();
         tracks.push(Track {
             joint: j as u32,
-            curve: Curve::Rotation(rotations(times.clone(), &turns, Interpolation::Linear)?),
+            curve: Curve::Rotation(rotations(times.clone(), &joint_rotations, Interpolation::Linear)?),
         });
     }
     Ok(Clip::new(name, tracks, Vec::new())?)

@@ -37,8 +37,8 @@ pub fn parse_tgf(text: &str) -> Result<Rig, RigFileError> {
         match (section, words.as_slice()) {
             (_, []) => {}
             (_, [word, ..]) if word.starts_with('#') => section += 1,
-            (0, [name, place @ ..]) => {
-                let number = |i: usize| place.get(i).and_then(|w| w.parse().ok()).filter(|x: &f64| x.is_finite());
+            (0, [name, position @ ..]) => {
+                let number = |i: usize| position.get(i).and_then(|w| w.parse().ok()).filter(|x: &f64| x.is_finite());
                 let [Some(x), Some(y), Some(z)] = [number(0), number(1), number(2)] else {
                     return Err(fault(format!("joint {name} needs three finite numbers for its place")));
                 };

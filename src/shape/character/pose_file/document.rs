@@ -156,17 +156,17 @@ fn finite<const N: usize>(what: &str, key: &str, values: [f64; N]) -> Result<[f6
 
 fn rotation(what: &str, key: &str, values: [f64; 4]) -> Result<UnitQuaternion<f64>, RigFileError> {
     let [w, x, y, z] = finite(what, key, values)?;
-    let turn = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.0);
-    turn.ok_or_else(|| fault(what, format!("{key} {values:?} has no length; no turn is [1, 0, 0, 0]")))
+    let unit = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.0);
+    unit.ok_or_else(|| fault(what, format!("{key} {values:?} has no length; no turn is [1, 0, 0, 0]")))
 }
 
 impl JointEntry {
     fn apply(&self, what: &str, local: &mut plumbline_num::math::Trs) -> Result<(), RigFileError> {
         match (self.rotation, self.turn_deg) {
             (Some(_), Some(_)) => return Err(fault(what, "has both `rotation` and `turn_deg`; give one of them")),
-            (Some(turn), None) => local.rotation = rotation(what, "rotation", turn)?,
-            (None, Some(turn)) => {
-                let vector = Vector3::from(finite(what, "turn_deg", turn)?).map(f64::to_radians);
+            (Some(given), None) => local.rotation = rotation(what, "rotation", given)?,
+            (None, Some(vector)) => {
+                let vector = Vector3::from(finite(what, "turn_deg", vector)?).map(f64::to_radians);
                 local.rotation *= UnitQuaternion::from_scaled_axis(vector);
             }
             (None, None) => {}
@@ -188,7 +188,7 @@ impl TargetEntry {
                 point: finite(what, "point", self.point.unwrap_or([0.0; 3]))?.into(),
                 at: finite(what, "position", at)?.into(),
             },
-            (None, Some(turn), None, None) => Goal::Orientation(rotation(what, "orientation", turn)?),
+            (None, Some(given), None, None) => Goal::Orientation(rotation(what, "orientation", given)?),
             (None, None, Some(at), None) => {
                 let axis = Vector3::from(finite(what, "axis", self.axis.unwrap_or([0.0, 0.0, 1.0]))?);
                 let axis = Unit::try_new(axis, 0.0).ok_or_else(|| fault(what, "`axis` has no length"))?;

@@ -82,7 +82,7 @@ impl Default for RegressionOptions {
 pub struct RegressionModel {
     regressors: Vec<Regressor>,
     surface: SurfaceOfGradients,
-    places: BlendedPositions,
+    blend: BlendedPositions,
     parents: Vec<Option<u32>>,
     hold: f64,
 }
@@ -118,8 +118,8 @@ struct JointRotations {
 impl JointRotations {
     fn new(matrices: &[Matrix4<f64>], parents: &[Option<u32>]) -> Self {
         let global: Vec<_> = matrices.iter().map(|m| polar(&m.fixed_view::<3, 3>(0, 0).into_owned()).0).collect();
-        let relative = |(turn, parent): (&UnitQuaternion<f64>, &Option<u32>)| {
-            parent.map_or_else(Vector3::zeros, |p| (global[p as usize].inverse() * turn).scaled_axis())
+        let relative = |(rotation, parent): (&UnitQuaternion<f64>, &Option<u32>)| {
+            parent.map_or_else(Vector3::zeros, |p| (global[p as usize].inverse() * rotation).scaled_axis())
         };
         Self { relative: global.iter().zip(parents).map(relative).collect(), global }
     }
@@ -143,11 +143,11 @@ impl RegressionModel {
         check(mesh, skeleton, weights, examples)?;
         let parents = parents_of(skeleton);
         let regressors = training::regressors(mesh, skeleton, weights, examples, options.ridge, run)?;
-        let places =
+        let blend =
             BlendedPositions { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, examples, run)? };
         run.step(0.5)?;
         let surface = SurfaceOfGradients::new(mesh, options.hold, run)?;
-        let mut model = Self { regressors, surface, places, parents, hold: options.hold };
+        let mut model = Self { regressors, surface, blend, parents, hold: options.hold };
         let report = training::report(&mut model, mesh, examples, run)?;
         Ok((model, report))
     }
@@ -158,7 +158,7 @@ impl RegressionModel {
     /// [`CharacterError::PerVertex`] for another number of vertices.
     pub fn set_rest(&mut self, rest: &[Point3<f64>]) -> Result<(), CharacterError> {
         self.surface.set_rest(rest)?;
-        self.places.rest.copy_from_slice(rest);
+        self.blend.rest.copy_from_slice(rest);
         Ok(())
     }
 
@@ -168,9 +168,9 @@ impl RegressionModel {
     /// [`CharacterError::Input`] for a wrong number of joints or an invalid matrix.
     pub fn positions(&mut self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
         check_pose(&self.parents, matrices)?;
-        let turns = JointRotations::new(matrices, &self.parents);
-        let (regressors, places) = (&self.regressors, &self.places);
-        Ok(self.surface.solve(|t| regressors[t].gradient(&turns), |v| places.at(v, matrices).coords))
+        let rotations = JointRotations::new(matrices, &self.parents);
+        let (regressors, blend) = (&self.regressors, &self.blend);
+        Ok(self.surface.solve(|t| regressors[t].gradient(&rotations), |v| blend.at(v, matrices).coords))
     }
 
     /// Linear blend with the weights that fit the examples best.
@@ -179,7 +179,7 @@ impl RegressionModel {
     /// As [`Self::positions`].
     pub fn linear_positions(&self, matrices: &[Matrix4<f64>]) -> Result<Vec<Point3<f64>>, CharacterError> {
         check_pose(&self.parents, matrices)?;
-        Ok(self.places.all(matrices))
+        Ok(self.blend.all(matrices))
     }
 }
 

@@ -75,10 +75,10 @@ impl SurfaceOfGradients {
     pub(super) fn solve(
         &mut self,
         gradient: impl Fn(usize) -> Matrix3<f64>,
-        place: impl Fn(usize) -> Vector3<f64>,
+        position: impl Fn(usize) -> Vector3<f64>,
     ) -> Vec<Point3<f64>> {
         for (v, (right, hold)) in self.right.iter_mut().zip(&self.hold).enumerate() {
-            *right = (place(v) * *hold).into();
+            *right = (position(v) * *hold).into();
         }
         for (t, (corners, half)) in self.triangles.iter().zip(&self.half).enumerate() {
             let map = gradient(t);

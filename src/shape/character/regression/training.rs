@@ -37,8 +37,8 @@ pub(super) struct Regressor {
 
 impl Regressor {
     /// `exp(A q + a) (C q + c)`: the gradient relative to the rotation of its own joint.
-    pub(super) fn relative(&self, turns: &JointRotations) -> Matrix3<f64> {
-        self.of_turn(&turns.relative[self.joint as usize])
+    pub(super) fn relative(&self, rotations: &JointRotations) -> Matrix3<f64> {
+        self.of_turn(&rotations.relative[self.joint as usize])
     }
 
     /// The same for zero rotation.
@@ -49,18 +49,18 @@ impl Regressor {
     /// The same for a rotation vector of the predictor joint.
     pub(super) fn of_turn(&self, q: &Vector3<f64>) -> Matrix3<f64> {
         let y = self.map * Vector4::new(q.x, q.y, q.z, 1.0);
-        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(y[0], y[1], y[2]));
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(y[0], y[1], y[2]));
         let mut stretch = Matrix3::zeros();
         for (k, &(r, c)) in SYMMETRIC.iter().enumerate() {
             stretch[(r, c)] = y[3 + k];
             stretch[(c, r)] = y[3 + k];
         }
-        turn.to_rotation_matrix().into_inner() * stretch
+        rotation.to_rotation_matrix().into_inner() * stretch
     }
 
     /// The gradient in world coordinates.
-    pub(super) fn gradient(&self, turns: &JointRotations) -> Matrix3<f64> {
-        turns.global[self.bone as usize].to_rotation_matrix().into_inner() * self.relative(turns)
+    pub(super) fn gradient(&self, rotations: &JointRotations) -> Matrix3<f64> {
+        rotations.global[self.bone as usize].to_rotation_matrix().into_inner() * self.relative(rotations)
     }
 }
 
@@ -74,21 +74,21 @@ pub(super) fn regressors(
     run: &Run,
 ) -> Result<Vec<Regressor>, Stopped> {
     let parents: Vec<_> = skeleton.joints().iter().map(|j| j.parent).collect();
-    let turns: Vec<JointRotations> = examples.iter().map(|e| JointRotations::new(&e.matrices, &parents)).collect();
-    let inverses: Vec<Matrix4<f64>> = (0..skeleton.joint_count()).map(|j| inverse(&turns, j, ridge)).collect();
+    let rotations: Vec<JointRotations> = examples.iter().map(|e| JointRotations::new(&e.matrices, &parents)).collect();
+    let inverses: Vec<Matrix4<f64>> = (0..skeleton.joint_count()).map(|j| inverse(&rotations, j, ridge)).collect();
     let regressor = |t: usize| {
         run.check()?;
         let bone = bone_of(weights, &mesh.triangles()[t]);
         let outputs: Vec<SVector<f64, OUTPUTS>> = examples
             .iter()
-            .zip(&turns)
-            .map(|(example, turns)| {
+            .zip(&rotations)
+            .map(|(example, rotations)| {
                 let posed = mesh.triangles()[t].map(|v| example.positions[v as usize]);
                 let map = gradient(&mesh.corners(t), &posed);
-                output(map.as_ref(), &turns.global[bone as usize])
+                output(map.as_ref(), &rotations.global[bone as usize])
             })
             .collect();
-        let best = candidates(skeleton, bone).map(|j| fitted(j, bone, &turns, &outputs, &inverses[j as usize]));
+        let best = candidates(skeleton, bone).map(|j| fitted(j, bone, &rotations, &outputs, &inverses[j as usize]));
         Ok(best.min_by(|a, b| a.1.total_cmp(&b.1)).expect("its own joint at least").0)
     };
     (0..mesh.triangle_count()).into_par_iter().map(regressor).collect()
@@ -111,14 +111,14 @@ fn candidates(skeleton: &Skeleton, bone: u32) -> impl Iterator<Item = u32> + '_ 
 /// Regression target: the triangle's map relative to the rotation of its joint.
 fn output(map: Option<&Matrix3<f64>>, own: &UnitQuaternion<f64>) -> SVector<f64, OUTPUTS> {
     let (rotation, stretch) = map.map_or((*own, Matrix3::identity()), polar);
-    let turn = (own.inverse() * rotation).scaled_axis();
-    SVector::from_fn(|k, _| if k < 3 { turn[k] } else { stretch[SYMMETRIC[k - 3]] })
+    let from_joint = (own.inverse() * rotation).scaled_axis();
+    SVector::from_fn(|k, _| if k < 3 { from_joint[k] } else { stretch[SYMMETRIC[k - 3]] })
 }
 
 /// `(Σ f fᵀ + ridge)⁻¹`, `f = [q 1]`.
-fn inverse(turns: &[JointRotations], joint: usize, ridge: f64) -> Matrix4<f64> {
+fn inverse(rotations: &[JointRotations], joint: usize, ridge: f64) -> Matrix4<f64> {
     let feature = |t: &JointRotations| t.relative[joint].push(1.0);
-    let squares: Matrix4<f64> = turns.iter().map(|t| feature(t) * feature(t).transpose()).sum();
+    let squares: Matrix4<f64> = rotations.iter().map(|t| feature(t) * feature(t).transpose()).sum();
     let with_ridge = squares + Matrix4::from_diagonal(&Vector4::new(ridge, ridge, ridge, 0.0));
     with_ridge
         .try_inverse()
@@ -129,14 +129,14 @@ fn inverse(turns: &[JointRotations], joint: usize, ridge: f64) -> Matrix4<f64> {
 fn fitted(
     joint: u32,
     bone: u32,
-    turns: &[JointRotations],
+    rotations: &[JointRotations],
     outputs: &[SVector<f64, OUTPUTS>],
     inverse: &Matrix4<f64>,
 ) -> (Regressor, f64) {
     let feature = |t: &JointRotations| t.relative[joint as usize].push(1.0);
-    let right: SMatrix<f64, OUTPUTS, 4> = turns.iter().zip(outputs).map(|(t, y)| y * feature(t).transpose()).sum();
+    let right: SMatrix<f64, OUTPUTS, 4> = rotations.iter().zip(outputs).map(|(t, y)| y * feature(t).transpose()).sum();
     let map = right * inverse;
-    let error = turns.iter().zip(outputs).map(|(t, y)| (y - map * feature(t)).norm_squared()).sum();
+    let error = rotations.iter().zip(outputs).map(|(t, y)| (y - map * feature(t)).norm_squared()).sum();
     (Regressor { bone, joint, map }, error)
 }
 

@@ -42,17 +42,17 @@ pub fn tuned(
     let mut errors = [[0.0; POSITION_WEIGHTS.len()]; RIDGES.len()];
     for fold in 0..folds {
         // Interleaved folds: neighboring frames of a clip are similar and should not all be held out together.
-        let (held, kept): (Vec<_>, Vec<_>) = examples.iter().enumerate().partition(|(k, _)| k % folds == fold);
+        let (validation, kept): (Vec<_>, Vec<_>) = examples.iter().enumerate().partition(|(k, _)| k % folds == fold);
         let kept: Vec<Example> = kept.into_iter().map(|(_, e)| e.clone()).collect();
-        let places =
+        let blend =
             BlendedPositions { rest: mesh.positions().to_vec(), weights: fit_weights(mesh, weights, &kept, run)? };
         for (errors, &ridge) in errors.iter_mut().zip(&RIDGES) {
             let regressors = regressors(mesh, skeleton, weights, &kept, ridge, run)?;
-            for (_, Example { matrices, positions }) in &held {
+            for (_, Example { matrices, positions }) in &validation {
                 run.check()?;
-                let turns = JointRotations::new(matrices, &parents);
-                let gradients: Vec<_> = regressors.iter().map(|r| r.gradient(&turns)).collect();
-                let blended = places.all(matrices);
+                let rotations = JointRotations::new(matrices, &parents);
+                let gradients: Vec<_> = regressors.iter().map(|r| r.gradient(&rotations)).collect();
+                let blended = blend.all(matrices);
                 for (error, surface) in errors.iter_mut().zip(&mut surfaces) {
                     *error += square(&surface.solve(|t| gradients[t], |v| blended[v].coords), positions);
                 }

@@ -154,8 +154,8 @@ impl Document {
 }
 
 /// Reports an invalid value of a joint or of the curve.
-fn refused(place: &str, field: &str, value: &str, expected: &str) -> RigFileError {
-    RigFileError::Content(format!("{place}: {field} is {value} (expected {expected})"))
+fn refused(item: &str, field: &str, value: &str, expected: &str) -> RigFileError {
+    RigFileError::Content(format!("{item}: {field} is {value} (expected {expected})"))
 }
 
 impl JointEntry {
@@ -171,7 +171,7 @@ impl JointEntry {
         }
     }
 
-    fn place(&self) -> String {
+    fn item(&self) -> String {
         format!("joint {:?}", self.name)
     }
 
@@ -185,7 +185,7 @@ impl JointEntry {
             UnitQuaternion::try_new(q, 0.0).filter(|q| q.coords.iter().all(|c| c.is_finite()))
         };
         let missing =
-            || refused(&self.place(), "rotation", &format!("{:?}", self.rotation), "a quaternion, not all zeros");
+            || refused(&self.item(), "rotation", &format!("{:?}", self.rotation), "a quaternion, not all zeros");
         Ok(Trs { translation: self.translation.into(), rotation: unit.ok_or_else(missing)?, scale: self.scale.into() })
     }
 
@@ -193,7 +193,7 @@ impl JointEntry {
         let Some(entry) = &self.limits else { return Ok(None) };
         let direction = |field, v: [f64; 3]| {
             let unit = Unit::try_new(Vector3::from(v), 0.0).filter(|d| d.iter().all(|c| c.is_finite()));
-            unit.ok_or_else(|| refused(&self.place(), field, &format!("{v:?}"), "a direction, not all zeros"))
+            unit.ok_or_else(|| refused(&self.item(), field, &format!("{v:?}"), "a direction, not all zeros"))
         };
         let (axis, across) = (direction("axis", entry.axis)?, direction("across", entry.across)?);
         let radians = |v: [f64; 2]| v.map(f64::to_radians);

@@ -135,24 +135,24 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
     if frames > 1 && !(step > 0.0) {
         return Err(words.fault(format!("{step} s between frames (expected more than 0)")));
     }
-    let mut turns = vec![Vec::new(); channels.len()];
-    let mut places = vec![Vec::new(); channels.len()];
+    let mut joint_rotations = vec![Vec::new(); channels.len()];
+    let mut positions = vec![Vec::new(); channels.len()];
     for frame in 0..frames {
         for (k, of_joint) in channels.iter().enumerate() {
-            let mut turn = UnitQuaternion::identity();
-            let mut place = joints[of_joint.joint].rest.translation;
+            let mut rotation = UnitQuaternion::identity();
+            let mut position = joints[of_joint.joint].rest.translation;
             for &each in &of_joint.moves {
                 let number =
                     words.number(&format!("a number of {:?} in frame {frame}", joints[of_joint.joint].name))?;
                 match each {
-                    Move::Along(axis) => place[axis] += number,
+                    Move::Along(axis) => position[axis] += number,
                     Move::About(axis) => {
-                        turn *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians());
+                        rotation *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians());
                     }
                 }
             }
-            turns[k].push(turn);
-            places[k].push(<[f64; 3]>::from(place));
+            joint_rotations[k].push(rotation);
+            positions[k].push(<[f64; 3]>::from(position));
         }
     }
     if let Some(more) = words.next() {
@@ -163,11 +163,11 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
     for (k, of_joint) in channels.iter().enumerate().filter(|_| frames > 0) {
         let joint = of_joint.joint as u32;
         if of_joint.moves.iter().any(|m| matches!(m, Move::Along(_))) {
-            let keys = Keys::new(times.clone(), std::mem::take(&mut places[k]), Interpolation::Linear)?;
+            let keys = Keys::new(times.clone(), std::mem::take(&mut positions[k]), Interpolation::Linear)?;
             tracks.push(Track { joint, curve: Curve::Translation(keys) });
         }
         if of_joint.moves.iter().any(|m| matches!(m, Move::About(_))) {
-            let keys = rotations(times.clone(), &turns[k], Interpolation::Linear)?;
+            let keys = rotations(times.clone(), &joint_rotations[k], Interpolation::Linear)?;
             tracks.push(Track { joint, curve: Curve::Rotation(keys) });
         }
     }

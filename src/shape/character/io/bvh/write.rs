@@ -90,7 +90,7 @@ impl<'a> File<'a> {
     fn of(skeleton: &'a Skeleton, poses: &[Pose], root: u32) -> Self {
         let still = |j: usize| poses.iter().all(|p| p.locals[j].translation == skeleton.joints()[j].rest.translation);
         let moved = (0..skeleton.joint_count()).map(|j| j == root as usize || !still(j)).collect();
-        let rest = turns(skeleton, &skeleton.rest_pose());
+        let rest = rotations(skeleton, &skeleton.rest_pose());
         let mut file = Self { skeleton, order: Vec::new(), moved, rest };
         let mut open = vec![root];
         while let Some(j) = open.pop() {
@@ -111,8 +111,8 @@ impl<'a> File<'a> {
 
     fn offset(&self, joint: u32) -> Vector3<f64> {
         let described = &self.skeleton.joints()[joint as usize];
-        let turn = described.parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
-        turn * described.rest.translation
+        let rotation = described.parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
+        rotation * described.rest.translation
     }
 
     fn joint(&self, text: &mut String, joint: u32, depth: usize) {
@@ -144,7 +144,7 @@ impl<'a> File<'a> {
     }
 
     fn frame(&self, text: &mut String, pose: &Pose) {
-        let world = turns(self.skeleton, pose);
+        let world = rotations(self.skeleton, pose);
         let from_rest = |j: u32| world[j as usize] * self.rest[j as usize].inverse();
         let mut numbers: Vec<String> = Vec::new();
         for &joint in &self.order {
@@ -152,13 +152,13 @@ impl<'a> File<'a> {
             let parent = described.parent;
             let above = parent.map_or_else(UnitQuaternion::identity, from_rest);
             if self.moved[joint as usize] {
-                let turn = parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
-                let by = turn * (pose.locals[joint as usize].translation - described.rest.translation);
+                let rotation = parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
+                let by = rotation * (pose.locals[joint as usize].translation - described.rest.translation);
                 numbers.extend(by.iter().map(ToString::to_string));
             }
-            let turn: Matrix3<f64> = (above.inverse() * from_rest(joint)).to_rotation_matrix().into_inner();
+            let rotation: Matrix3<f64> = (above.inverse() * from_rest(joint)).to_rotation_matrix().into_inner();
             // R = R_z R_y R_x.
-            let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(turn).euler_angles();
+            let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(rotation).euler_angles();
             numbers.extend([yaw, pitch, roll].map(|angle| angle.to_degrees().to_string()));
         }
         let _ = writeln!(text, "{}", numbers.join(" "));
@@ -166,12 +166,12 @@ impl<'a> File<'a> {
 }
 
 /// World rotation of each joint.
-fn turns(skeleton: &Skeleton, pose: &Pose) -> Vec<UnitQuaternion<f64>> {
-    let mut turns = vec![UnitQuaternion::identity(); skeleton.joint_count()];
+fn rotations(skeleton: &Skeleton, pose: &Pose) -> Vec<UnitQuaternion<f64>> {
+    let mut rotations = vec![UnitQuaternion::identity(); skeleton.joint_count()];
     for &j in skeleton.parents_first() {
         let parent = skeleton.joints()[j as usize].parent;
-        let above = parent.map_or_else(UnitQuaternion::identity, |p| turns[p as usize]);
-        turns[j as usize] = above * pose.locals[j as usize].rotation;
+        let above = parent.map_or_else(UnitQuaternion::identity, |p| rotations[p as usize]);
+        rotations[j as usize] = above * pose.locals[j as usize].rotation;
     }
-    turns
+    rotations
 }

@@ -79,7 +79,7 @@ fn animation(clip: &Clip, mesh_node: u32, rest: &[f64]) -> Animation {
         let (property, (times, values, interpolation)) = match &track.curve {
             Curve::Translation(keys) => (Property::Translation, numbers(keys)),
             Curve::Scale(keys) => (Property::Scale, numbers(keys)),
-            Curve::Rotation(keys) => (Property::Rotation, turns(keys)),
+            Curve::Rotation(keys) => (Property::Rotation, rotations(keys)),
         };
         Channel { node: track.joint, property, interpolation, times, values }
     };
@@ -108,7 +108,7 @@ fn numbers<const N: usize>(keys: &Keys<N>) -> Numbers {
     }
 }
 
-fn turns(keys: &RotationKeys) -> Numbers {
+fn rotations(keys: &RotationKeys) -> Numbers {
     if *keys.keys().interpolation() != Interpolation::Smooth {
         return numbers(keys.keys());
     }

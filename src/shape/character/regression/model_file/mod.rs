@@ -86,7 +86,7 @@ impl SkinModel {
     /// [`CharacterError::Input`] for another skeleton, [`CharacterError::PerVertex`] for another mesh.
     pub fn of(mesh: &TriMesh, skeleton: &Skeleton, model: &RegressionModel) -> Result<Self, CharacterError> {
         let form = Form::Full(model.regressors.clone());
-        Self::new(mesh, skeleton, &model.places.weights, model.hold, form)
+        Self::new(mesh, skeleton, &model.blend.weights, model.hold, form)
     }
 
     /// A reduced model with its mesh and skeleton, for a file.
@@ -214,7 +214,7 @@ impl SkinModel {
             Form::Full(regressors) => Bound::Full(Box::new(RegressionModel {
                 regressors: regressors.clone(),
                 surface: SurfaceOfGradients::new(mesh, hold, run)?,
-                places: BlendedPositions { rest: mesh.positions().to_vec(), weights },
+                blend: BlendedPositions { rest: mesh.positions().to_vec(), weights },
                 parents,
                 hold,
             })),

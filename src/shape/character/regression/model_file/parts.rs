@@ -22,21 +22,21 @@ pub(super) fn read_joints(r: &mut Reader<'_>) -> Result<(Vec<String>, Vec<Option
     }
     let (mut joints, mut parents) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for j in 0..count {
-        let place = &|| format!("the name of joint {j}");
-        let length = r.u32(place)? as usize;
-        let name = std::str::from_utf8(r.take(length, place)?);
-        joints.push(name.map_err(|e| invalid(&place(), e, "UTF-8"))?.to_owned());
+        let item = &|| format!("the name of joint {j}");
+        let length = r.u32(item)? as usize;
+        let name = std::str::from_utf8(r.take(length, item)?);
+        joints.push(name.map_err(|e| invalid(&item(), e, "UTF-8"))?.to_owned());
         parents.push(read_parent(r, j, count)?);
     }
     Ok((joints, parents))
 }
 
 fn read_parent(r: &mut Reader<'_>, joint: usize, count: usize) -> Result<Option<u32>, RigFileError> {
-    let place = || format!("the parent of joint {joint}");
-    match r.u32(&place)? {
+    let item = || format!("the parent of joint {joint}");
+    match r.u32(&item)? {
         NONE => Ok(None),
         parent if (parent as usize) < count => Ok(Some(parent)),
-        parent => Err(invalid(&place(), parent, &format!("0 to {}, or {NONE} for none", count - 1))),
+        parent => Err(invalid(&item(), parent, &format!("0 to {}, or {NONE} for none", count - 1))),
     }
 }
 
@@ -44,12 +44,12 @@ fn read_parent(r: &mut Reader<'_>, joint: usize, count: usize) -> Result<Option<
 pub(super) fn read_weights(r: &mut Reader<'_>, vertices: usize, joints: usize) -> Result<SkinWeights, RigFileError> {
     let mut rows = Vec::with_capacity(vertices);
     for v in 0..vertices {
-        let place = &|| format!("the weights of vertex {v}");
-        let count = r.index(joints + 1, place)?;
-        r.fits(u64::from(count), 12, place)?;
+        let item = &|| format!("the weights of vertex {v}");
+        let count = r.index(joints + 1, item)?;
+        r.fits(u64::from(count), 12, item)?;
         let mut row = Vec::with_capacity(count as usize);
         for _ in 0..count {
-            row.push((r.index(joints, place)?, r.f64(place)?));
+            row.push((r.index(joints, item)?, r.f64(item)?));
         }
         rows.push(row);
     }
@@ -74,8 +74,8 @@ pub(super) fn read_regressors(
 ) -> Result<Vec<Regressor>, RigFileError> {
     r.fits(triangles as u64, 8 + MAP, &|| "the triangles".to_owned())?;
     let regressor = |t: usize| {
-        let place = &|| format!("the regressor of triangle {t}");
-        Ok(Regressor { bone: r.index(joints, place)?, joint: r.index(joints, place)?, map: r.matrix(place)? })
+        let item = &|| format!("the regressor of triangle {t}");
+        Ok(Regressor { bone: r.index(joints, item)?, joint: r.index(joints, item)?, map: r.matrix(item)? })
     };
     (0..triangles).map(regressor).collect()
 }
@@ -96,15 +96,15 @@ pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) 
     let groups: Vec<Group> = (0..count).map(|s| read_group(r, s, joints)).collect::<Result<_, _>>()?;
     let (mut group_of, mut maps) = (Vec::with_capacity(triangles), Vec::new());
     for t in 0..triangles {
-        let place = &|| format!("the maps of triangle {t}");
-        let sheet = r.index(count, place)?;
+        let item = &|| format!("the maps of triangle {t}");
+        let sheet = r.index(count, item)?;
         group_of.push(sheet);
         let each = 1 + groups[sheet as usize].shape_count();
-        r.fits(each as u64, 4 * 9, place)?;
+        r.fits(each as u64, 4 * 9, item)?;
         for _ in 0..each {
             let mut map = [0.0; 9];
             for x in &mut map {
-                *x = r.f32(place)?;
+                *x = r.f32(item)?;
             }
             maps.push(map);
         }
@@ -113,15 +113,15 @@ pub(super) fn read_reduced(r: &mut Reader<'_>, triangles: usize, joints: usize) 
 }
 
 fn read_group(r: &mut Reader<'_>, sheet: usize, joints: usize) -> Result<Group, RigFileError> {
-    let place = &|| format!("group {sheet}");
-    let (bone, joint) = (r.index(joints, place)?, r.index(joints, place)?);
+    let item = &|| format!("group {sheet}");
+    let (bone, joint) = (r.index(joints, item)?, r.index(joints, item)?);
     let keys = r.index(MAX_KEYS + 1, &|| format!("the number of key triangles of group {sheet}"))? as usize;
     let shapes = r.index(9 * keys + 1, &|| format!("the number of shapes of group {sheet}"))? as usize;
-    let keys = (0..keys).map(|_| r.matrix(place)).collect::<Result<Vec<_>, _>>()?;
-    r.fits((shapes * 9 * keys.len()) as u64, 8, place)?;
+    let keys = (0..keys).map(|_| r.matrix(item)).collect::<Result<Vec<_>, _>>()?;
+    r.fits((shapes * 9 * keys.len()) as u64, 8, item)?;
     let mut reading = DMatrix::zeros(shapes, 9 * keys.len());
     for x in reading.iter_mut() {
-        *x = r.f64(place)?;
+        *x = r.f64(item)?;
     }
     Ok(Group { bone, joint, keys, reading })
 }

@@ -51,9 +51,9 @@ impl Group {
     }
 
     /// `z(q)`.
-    fn coordinates(&self, turns: &JointRotations) -> DVector<f64> {
+    fn coordinates(&self, rotations: &JointRotations) -> DVector<f64> {
         let (bone, joint) = (self.bone, self.joint);
-        let q = turns.relative[joint as usize];
+        let q = rotations.relative[joint as usize];
         let said = self.keys.iter().flat_map(|&map| {
             let key = Regressor { bone, joint, map };
             array(&(key.of_turn(&q) - key.at_rest()))
@@ -91,7 +91,7 @@ pub struct Reduced {
 #[derive(Clone, Debug)]
 pub struct Coordinates {
     /// Rotation of each joint.
-    turns: Vec<Matrix3<f64>>,
+    rotations: Vec<Matrix3<f64>>,
     /// `z` of all groups, concatenated.
     shapes: Vec<f64>,
 }
@@ -106,9 +106,9 @@ impl RegressionModel {
         let joints = self.parents.len();
         OptionError::check(most <= MAX_SHAPES, "prototypes", most as f64, "0 to 32")?;
         samples.iter().try_for_each(|s| CharacterError::check_matrices(joints, s.len()))?;
-        let turns: Vec<JointRotations> = samples.iter().map(|m| JointRotations::new(m, &self.parents)).collect();
-        let (groups, group_of, maps) = modes::groups(&self.regressors, &self.surface.areas(), &turns, most, run)?;
-        let (weights, parents, hold) = (self.places.weights.clone(), self.parents.clone(), self.hold);
+        let rotations: Vec<JointRotations> = samples.iter().map(|m| JointRotations::new(m, &self.parents)).collect();
+        let (groups, group_of, maps) = modes::groups(&self.regressors, &self.surface.areas(), &rotations, most, run)?;
+        let (weights, parents, hold) = (self.blend.weights.clone(), self.parents.clone(), self.hold);
         let parts = Parts { groups, group_of, maps, weights, parents, hold };
         Ok(Reduced::new(self.surface.clone(), parts, run)?)
     }
@@ -144,9 +144,12 @@ impl Reduced {
     /// [`CharacterError::Input`] for a wrong number of joints or an invalid matrix.
     pub fn coordinates(&self, matrices: &[Matrix4<f64>]) -> Result<Coordinates, CharacterError> {
         check_pose(&self.parts.parents, matrices)?;
-        let turns = JointRotations::new(matrices, &self.parts.parents);
-        let shapes = self.parts.groups.iter().flat_map(|s| s.coordinates(&turns).data.as_vec().clone()).collect();
-        Ok(Coordinates { turns: turns.global.iter().map(|t| t.to_rotation_matrix().into_inner()).collect(), shapes })
+        let rotations = JointRotations::new(matrices, &self.parts.parents);
+        let shapes = self.parts.groups.iter().flat_map(|s| s.coordinates(&rotations).data.as_vec().clone()).collect();
+        Ok(Coordinates {
+            rotations: rotations.global.iter().map(|t| t.to_rotation_matrix().into_inner()).collect(),
+            shapes,
+        })
     }
 
     /// The surface in a pose, in single precision. Truncation moves vertices by at most 4·10⁻⁴ of the diagonal, typically a tenth of that.

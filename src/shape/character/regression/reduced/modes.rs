@@ -50,7 +50,7 @@ type Groups = (Vec<Group>, Vec<u32>, Vec<Map>);
 pub(super) fn groups(
     regressors: &[Regressor],
     areas: &[f64],
-    turns: &[JointRotations],
+    rotations: &[JointRotations],
     most: usize,
     run: &Run,
 ) -> Result<Groups, Stopped> {
@@ -62,7 +62,7 @@ pub(super) fn groups(
         .into_iter()
         .map(|((bone, joint), triangles)| {
             run.check()?;
-            Ok(Sampled::new(bone, joint, triangles, regressors, areas, turns))
+            Ok(Sampled::new(bone, joint, triangles, regressors, areas, rotations))
         })
         .collect::<Result<_, Stopped>>()?;
     let bones: std::collections::BTreeSet<u32> = sampled.iter().map(|s| s.bone).collect();
@@ -99,9 +99,9 @@ impl Sampled {
         triangles: Vec<usize>,
         regressors: &[Regressor],
         areas: &[f64],
-        turns: &[JointRotations],
+        rotations: &[JointRotations],
     ) -> Self {
-        let samples = samples(turns, joint);
+        let samples = samples(rotations, joint);
         let mut said = DMatrix::zeros(samples.len(), 9 * triangles.len());
         for (c, &t) in triangles.iter().enumerate() {
             let rest = regressors[t].at_rest();
@@ -168,8 +168,8 @@ impl Sampled {
 }
 
 /// Rotations of a joint to sample.
-fn samples(turns: &[JointRotations], joint: u32) -> Vec<Sample> {
-    let seen: Vec<Vector3<f64>> = turns.iter().map(|t| t.relative[joint as usize]).collect();
+fn samples(rotations: &[JointRotations], joint: u32) -> Vec<Sample> {
+    let seen: Vec<Vector3<f64>> = rotations.iter().map(|t| t.relative[joint as usize]).collect();
     let furthest = seen.iter().map(Vector3::norm).fold(0.0, f64::max);
     let parts = PARTS
         .iter()

@@ -50,19 +50,19 @@ pub(super) struct Table {
     /// Per block `g + h` and its weight, then its shapes.
     numbers: Vec<Lane>,
     /// `h` of each block, for joints that stretch.
-    held: Vec<Lanes>,
+    blended: Vec<Lanes>,
 }
 
 /// Response of a vertex to a joint: `g`, `h` and its weight.
-type Held = (u32, [f32; 7]);
+type JointResponse = (u32, [f32; 7]);
 /// Response of a vertex to a shape.
-type Moved = (u32, [f32; 3]);
+type ShapeResponse = (u32, [f32; 3]);
 
 /// Responses of a vertex.
 #[derive(Clone, Debug, Default)]
 struct Sparse {
-    joints: Vec<Held>,
-    shapes: Vec<Moved>,
+    joints: Vec<JointResponse>,
+    shapes: Vec<ShapeResponse>,
 }
 
 impl Table {
@@ -89,7 +89,7 @@ impl Table {
             blocks: Vec::new(),
             shapes: Vec::new(),
             numbers: Vec::new(),
-            held: Vec::new(),
+            blended: Vec::new(),
         };
         for row in 0..rest.len().div_ceil(LANES) {
             run.check()?;
@@ -110,11 +110,11 @@ impl Table {
         joints.sort_unstable();
         joints.dedup();
         for bone in joints {
-            let held: [[f32; 7]; LANES] =
+            let response: [[f32; 7]; LANES] =
                 std::array::from_fn(|l| vertices[l].joints.iter().find(|j| j.0 == bone).map_or([0.0; 7], |j| j.1));
-            self.numbers.extend((0..3).map(|k| held.map(|h| h[k] + h[3 + k])));
-            self.numbers.push(held.map(|h| h[6]));
-            self.held.push([3, 4, 5].map(|k| held.map(|h| h[k])));
+            self.numbers.extend((0..3).map(|k| response.map(|h| h[k] + h[3 + k])));
+            self.numbers.push(response.map(|h| h[6]));
+            self.blended.push([3, 4, 5].map(|k| response.map(|h| h[k])));
             for &shape in shapes.iter().filter(|&&s| bones[s as usize] == bone) {
                 let moved: [[f32; 3]; LANES] =
                     std::array::from_fn(|l| vertices[l].shapes.iter().find(|s| s.0 == shape).map_or([0.0; 3], |s| s.1));
@@ -131,8 +131,8 @@ impl Table {
         let there: Vec<Point3<f64>> = matrices.iter().map(|m| m.transform_point(&self.middle)).collect();
         // Relative to the mean joint position, so that single precision suffices far from the origin.
         let from = Point3::from(there.iter().map(|p| p.coords).sum::<Vector3<f64>>() / there.len().max(1) as f64);
-        let joints: Vec<JointMotion> = (matrices.iter().zip(&there).zip(&coordinates.turns))
-            .map(|((m, there), turn)| JointMotion::new(turn, m, &(there - from)))
+        let joints: Vec<JointMotion> = (matrices.iter().zip(&there).zip(&coordinates.rotations))
+            .map(|((m, there), rotation)| JointMotion::new(rotation, m, &(there - from)))
             .collect();
         let shapes: Vec<f32> = coordinates.shapes.iter().map(|z| *z as f32).collect();
         let mut rows = vec![[[0.0; LANES]; 3]; self.rows.len() - 1];
@@ -155,7 +155,7 @@ impl Table {
         let ([first, mut shape, at], [end, _, stop]) = (self.rows[row], self.rows[row + 1]);
         let mut numbers = &self.numbers[at as usize..stop as usize];
         let mut sum = [[0.0; LANES]; 3];
-        for (block, held) in (first as usize..end as usize).map(|b| (&self.blocks[b], &self.held[b])) {
+        for (block, blended) in (first as usize..end as usize).map(|b| (&self.blocks[b], &self.blended[b])) {
             let joint = &joints[block.bone as usize];
             let ([x, y, z, weight], mut rest) = numbers.split_first_chunk().expect("as many as blocks say");
             let mut own = [*x, *y, *z];
@@ -165,14 +165,15 @@ impl Table {
                 rest = after;
             }
             (numbers, shape) = (rest, block.shapes_end);
-            for ((sum, turn), there) in sum.iter_mut().zip(&joint.turn).zip(&joint.there) {
+            for ((sum, rotation), there) in sum.iter_mut().zip(&joint.rotation).zip(&joint.there) {
                 for l in 0..LANES {
-                    sum[l] += turn[0] * own[0][l] + turn[1] * own[1][l] + turn[2] * own[2][l] + there * weight[l];
+                    sum[l] +=
+                        rotation[0] * own[0][l] + rotation[1] * own[1][l] + rotation[2] * own[2][l] + there * weight[l];
                 }
             }
             if let Some(stretch) = &joint.stretch {
                 for (sum, stretch) in sum.iter_mut().zip(stretch) {
-                    held.iter().zip(stretch).for_each(|(h, s)| add(sum, *s, h));
+                    blended.iter().zip(stretch).for_each(|(h, s)| add(sum, *s, h));
                 }
             }
         }
@@ -189,7 +190,7 @@ fn add(sum: &mut Lane, factor: f32, lane: &Lane) {
 
 /// A joint in a pose, row-major.
 struct JointMotion {
-    turn: [[f32; 3]; 3],
+    rotation: [[f32; 3]; 3],
     /// Posed center of the mesh under this joint.
     there: [f32; 3],
     /// The map minus its rotation, if significant.
@@ -197,11 +198,11 @@ struct JointMotion {
 }
 
 impl JointMotion {
-    fn new(turn: &Matrix3<f64>, matrix: &Matrix4<f64>, there: &Vector3<f64>) -> Self {
-        let stretch = matrix.fixed_view::<3, 3>(0, 0) - turn;
+    fn new(rotation: &Matrix3<f64>, matrix: &Matrix4<f64>, there: &Vector3<f64>) -> Self {
+        let stretch = matrix.fixed_view::<3, 3>(0, 0) - rotation;
         let rows = |m: &Matrix3<f64>| std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)] as f32));
         Self {
-            turn: rows(turn),
+            rotation: rows(rotation),
             there: std::array::from_fn(|c| there[c] as f32),
             stretch: (stretch.amax() > STRETCH_TOLERANCE).then(|| rows(&stretch)),
         }
@@ -212,7 +213,7 @@ impl Sparse {
     /// Drops the smallest responses of the vertex at `p`: half the budget for shapes, half for joints. Kept joints are in descending order of
     /// weight.
     fn leave_out(&mut self, tree: &Tree<'_>, p: &Vector3<f32>, budget: f32, diagonal: f32) {
-        let size = |s: &Moved| Vector3::from(s.1).norm();
+        let size = |s: &ShapeResponse| Vector3::from(s.1).norm();
         self.shapes.sort_by(|a, b| size(a).total_cmp(&size(b)));
         let mut left = 0.5 * budget;
         let dropped = self.shapes.iter().take_while(|s| spend(&mut left, size(s))).count();
@@ -226,16 +227,16 @@ impl Sparse {
         let mut left = 0.5 * budget;
         let needed = |bone: u32| self.shapes.iter().any(|s| tree.bones[s.0 as usize] == bone);
         let last = self.joints.len().saturating_sub(1);
-        let (mut kept, mut given): (Vec<Held>, Vec<Held>) = (Vec::new(), Vec::new());
-        for (k, held) in self.joints.drain(..).enumerate() {
-            let leaves = k < last && !needed(held.0) && spend(&mut left, cost(&held.1));
-            if leaves { given.push(held) } else { kept.push(held) }
+        let (mut kept, mut given): (Vec<JointResponse>, Vec<JointResponse>) = (Vec::new(), Vec::new());
+        for (k, response) in self.joints.drain(..).enumerate() {
+            let leaves = k < last && !needed(response.0) && spend(&mut left, cost(&response.1));
+            if leaves { given.push(response) } else { kept.push(response) }
         }
         kept.sort_by(|a, b| b.1[6].total_cmp(&a.1[6]).then(a.0.cmp(&b.0)));
-        for (bone, held) in given {
+        for (bone, response) in given {
             let mut above = std::iter::successors(Some(bone), |b| tree.parents[*b as usize]);
             let heir = above.find_map(|b| kept.iter().position(|k| k.0 == b)).unwrap_or(0);
-            kept[heir].1.iter_mut().zip(held).for_each(|(h, g)| *h += g);
+            kept[heir].1.iter_mut().zip(response).for_each(|(h, g)| *h += g);
         }
         self.joints = kept;
     }
@@ -278,11 +279,11 @@ fn solved(
         run.check()?;
         let weight = |v: usize| parts.weights.weight(v, bone);
         let own = |t: usize| if sheet(t).bone == bone { map(starts[t]) } else { Matrix3::zeros() };
-        let turned = surface.solve(own, |_| Vector3::zeros());
-        let held = surface.solve(|_| Matrix3::zeros(), |v| rest[v] * weight(v));
+        let gradients_part = surface.solve(own, |_| Vector3::zeros());
+        let blended_part = surface.solve(|_| Matrix3::zeros(), |v| rest[v] * weight(v));
         let weights = surface.solve(|_| Matrix3::zeros(), |v| Vector3::new(weight(v), 0.0, 0.0));
         for (v, vertex) in found.iter_mut().enumerate() {
-            let (g, h, w) = (turned[v], held[v], weights[v].x);
+            let (g, h, w) = (gradients_part[v], blended_part[v], weights[v].x);
             let all = [g.x, g.y, g.z, h.x, h.y, h.z, w].map(|x| x as f32);
             if all.iter().any(|x| *x != 0.0) {
                 vertex.joints.push((bone, all));
@@ -318,13 +319,16 @@ mod tests {
         // A chain of four; the vertex follows the first most, the third a little and the fourth hardly.
         let parents = [None, Some(0), Some(1), Some(2)];
         let tree = Tree { bones: &[], parents: &parents };
-        let held = |w: f32| [0.0, 0.0, 0.0, w, 0.0, 0.0, w];
-        let mut vertex =
-            Sparse { joints: vec![(0, held(0.7)), (2, held(0.3 - 1e-5)), (3, held(1e-5))], shapes: Vec::new() };
+        let response = |w: f32| [0.0, 0.0, 0.0, w, 0.0, 0.0, w];
+        let mut vertex = Sparse {
+            joints: vec![(0, response(0.7)), (2, response(0.3 - 1e-5)), (3, response(1e-5))],
+            shapes: Vec::new(),
+        };
         vertex.leave_out(&tree, &Vector3::x(), 1e-3, 10.0);
-        assert_eq!(vertex.joints, [(0, held(0.7)), (2, held(0.3))]);
+        assert_eq!(vertex.joints, [(0, response(0.7)), (2, response(0.3))]);
         // Joints of kept shapes are kept, whatever their weight.
-        let mut vertex = Sparse { joints: vec![(0, held(1.0)), (3, held(0.0))], shapes: vec![(0, [1.0, 0.0, 0.0])] };
+        let mut vertex =
+            Sparse { joints: vec![(0, response(1.0)), (3, response(0.0))], shapes: vec![(0, [1.0, 0.0, 0.0])] };
         vertex.leave_out(&Tree { bones: &[3], parents: &parents }, &Vector3::x(), 1e-3, 10.0);
         assert_eq!((vertex.joints.len(), vertex.shapes.len()), (2, 1));
     }
