@@ -192,7 +192,7 @@ fn walk(skeleton: &Skeleton) -> Result<Clip, CharacterError> {
     let height = |t: &f64| [hips.x, hips.y - 0.03 + 0.02 * (2.0 * std::f64::consts::TAU * t / LENGTH).cos(), hips.z];
     let keys = Keys::new(times(), times().iter().map(height).collect(), Interpolation::Smooth)?;
     tracks.push(Track { joint: skeleton.named("hips")?, curve: Curve::Translation(keys) });
-    Ok(Clip::new("walk", tracks, Vec::new())?)
+    Clip::new("walk", tracks, Vec::new())
 }
 
 fn wave(skeleton: &Skeleton) -> Result<Clip, CharacterError> {
@@ -203,7 +203,7 @@ fn wave(skeleton: &Skeleton) -> Result<Clip, CharacterError> {
         turning(skeleton, "forearm.R", |t| about(y, 0.8 + 0.5 * (2.0 * t).sin()))?,
         turning(skeleton, "head", |t| about(z, 0.1 * t.sin()))?,
     ];
-    Ok(Clip::new("wave", tracks, Vec::new())?)
+    Clip::new("wave", tracks, Vec::new())
 }
 
 #[cfg(test)]

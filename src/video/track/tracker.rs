@@ -269,20 +269,15 @@ impl Tracker {
     fn follow(&self, before: &Reference, now: &Reference) -> Vec<Track> {
         let points: Vec<[f32; 2]> = before.tracks.iter().map(|t| t.position).collect();
         let shift = coarse::shift(&before.pyramid, &now.pyramid);
-        let mut matches = self.matched(before, now, &points, shift);
+        let mut matches = matched(before, now, &points, shift);
         let lost = matches.iter().filter(|m| m.is_none()).count();
         if shift != [0.0; 2] && 2 * lost > points.len() {
             // The coarse motion was that of a moving object: the lost ones are tried again from no motion.
-            let again = self.matched(before, now, &points, [0.0; 2]);
+            let again = matched(before, now, &points, [0.0; 2]);
             matches.iter_mut().zip(again).for_each(|(m, again)| *m = m.or(again));
         }
         let pairs = before.tracks.iter().zip(matches);
         pairs.filter_map(|(track, found)| self.continued(track, found?.position, now)).collect()
-    }
-
-    fn matched(&self, before: &Reference, now: &Reference, points: &[[f32; 2]], shift: [f32; 2]) -> Vec<Option<Match>> {
-        let guesses: Vec<[f32; 2]> = points.iter().map(|p| [p[0] + shift[0], p[1] + shift[1]]).collect();
-        track(&before.pyramid, &now.pyramid, points, &guesses)
     }
 
     /// The track at its new position, unless it left the picture, entered the mask or changed its appearance.
@@ -352,6 +347,12 @@ impl Tracker {
         };
         FrameTracks { pts, observations: tracks.iter().map(seen).collect(), quality }
     }
+}
+
+/// Where `points` of `before`, moved by `shift`, are found in `now`.
+fn matched(before: &Reference, now: &Reference, points: &[[f32; 2]], shift: [f32; 2]) -> Vec<Option<Match>> {
+    let guesses: Vec<[f32; 2]> = points.iter().map(|p| [p[0] + shift[0], p[1] + shift[1]]).collect();
+    track(&before.pyramid, &now.pyramid, points, &guesses)
 }
 
 /// Whether at least the fraction `survival` of `before`'s points was followed; false where there are too few to decide.

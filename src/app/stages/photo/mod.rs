@@ -60,7 +60,9 @@ pub(crate) fn rectified(
 pub(crate) fn report_lines(context: &mut Context<'_, '_>, lines: &[LineReport], released: &[String]) {
     let worst = worst_of(lines.iter()).map(|l| (l.name.clone(), l.max_px));
     context.summary.lines = Some(LinesSummary { count: lines.len(), worst });
-    bent_lines(lines, released).into_iter().for_each(|warning| context.warn(warning));
+    for warning in bent_lines(lines, released) {
+        context.warn(warning);
+    }
 }
 
 fn worst_of<'l>(lines: impl Iterator<Item = &'l LineReport>) -> Option<&'l LineReport> {

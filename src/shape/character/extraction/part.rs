@@ -418,7 +418,9 @@ fn whole_regions(mesh: &TriMesh, node_of_vertex: &mut [u32]) {
     }
     let piece_of_vertex = pieces.roots();
     let mut sizes = vec![0_usize; mesh.vertex_count()];
-    piece_of_vertex.iter().for_each(|piece| sizes[*piece as usize] += 1);
+    for piece in &piece_of_vertex {
+        sizes[*piece as usize] += 1;
+    }
     let mut largest = std::collections::HashMap::new();
     for v in vertices().filter(|v| piece_of_vertex[*v as usize] == *v) {
         let best = largest.entry(node_of_vertex[v as usize]).or_insert(v);
