@@ -14,6 +14,7 @@ mod biharmonic;
 mod bone_distance;
 mod distance;
 mod heat;
+mod mirror;
 mod smooth;
 #[cfg(test)]
 mod tests;
@@ -21,6 +22,8 @@ mod visibility;
 mod welded;
 
 use serde::{Deserialize, Serialize};
+
+pub use mirror::{MirrorReport, Mirroring, mirror_joints_by_name};
 
 use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;

@@ -1,4 +1,4 @@
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Unit, Vector3};
 
 use super::super::skinning::tests::tube;
 use super::super::{Joint, Skeleton};
@@ -190,6 +190,37 @@ fn smoothing_keeps_the_sum_and_lowers_the_slope() {
     assert!(smooth.sums().all(|s| (s - 1.0).abs() < 1e-12));
     assert!(steepest(&weights) == 1.0 && steepest(&smooth) < 0.3, "{}", steepest(&smooth));
     assert!(weights.smoothed(&TriMesh::default(), 1, &Run::default()).is_err());
+}
+
+#[test]
+fn mirroring_carries_weights_to_the_joints_of_the_other_side() {
+    let joint = |name: &str, x: f64| Joint {
+        name: name.into(),
+        parent: None,
+        rest: Trs::from_translation(Vector3::new(x, 0.0, 0.0)),
+        limits: None,
+    };
+    let skeleton =
+        Skeleton::new(vec![joint("arm.L", 1.0), joint("spine", 0.0), joint("arm.R", -1.0)]).expect("a forest");
+    let joints = mirror_joints_by_name(&skeleton).expect("pairs");
+    assert_eq!(joints, [2, 1, 0]);
+    let positions = [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-1.01, 0.0, 0.0]].map(Point3::from);
+    let mesh = TriMesh::new(positions.to_vec(), vec![[0, 1, 2]]).expect("valid");
+    let rows = [vec![(0, 0.7), (1, 0.3)], vec![(0, 0.5), (1, 0.5)], vec![(1, 1.0)]];
+    let weights = SkinWeights::new(3, rows).expect("sums to 1");
+    let mirroring = Mirroring { point: Point3::origin(), normal: Unit::new_unchecked(Vector3::x()), joints };
+    let (even, report) = weights.mirrored(&mesh, &mirroring).expect("fits");
+    assert_eq!((even.weight(2, 2), even.weight(2, 1), even.weight(0, 0)), (0.7, 0.3, 0.7));
+    assert_eq!((even.weight(1, 0), even.weight(1, 1), even.weight(1, 2)), (0.25, 0.5, 0.25));
+    assert!(report.changed == 1 && report.evened == 1 && (report.max_deviation - 0.01).abs() < 1e-12);
+    for (name, other) in
+        [("LeftHand", "RightHand"), ("hand_r", "hand_l"), ("r_wrist", "l_wrist"), ("thighRight", "thighLeft")]
+    {
+        let pair = Skeleton::new(vec![joint(name, 0.0), joint(other, 1.0)]).expect("two");
+        assert_eq!(mirror_joints_by_name(&pair), Ok(vec![1, 0]), "{name}");
+    }
+    let alone = Skeleton::new(vec![joint("l_wrist", 0.0), joint("skull", 1.0)]).expect("two");
+    assert!(mirror_joints_by_name(&alone).expect_err("no other").to_string().contains("r_wrist"));
 }
 
 #[test]
