@@ -333,18 +333,32 @@ fn cargo_lines_of_the_makefile_cover_the_workspace() {
 /// Crates whose names mean FFmpeg, clang or the command line.
 const FOREIGN: [&str; 5] = ["ffmpeg-next", "ffmpeg-sys-next", "bindgen", "clang-sys", "clap"];
 
+/// Names of the packages that a member is built with, dev-dependencies included, given `--all-features` or nothing.
+fn dependencies(package: &str, features: &[&str]) -> BTreeSet<String> {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p}", "--package", package]);
+    let out = cargo.args(features).current_dir(root()).output().expect("cargo runs");
+    let tree = String::from_utf8_lossy(&out.stdout);
+    assert!(out.status.success() && tree.contains(package), "{}", String::from_utf8_lossy(&out.stderr));
+    tree.lines().filter_map(|l| l.split(' ').next()).map(str::to_owned).collect()
+}
+
 #[test]
 fn libraries_build_without_ffmpeg_clang_and_clap() {
     for member in ["num", "image", "camera", "photo", "video", "shape", "testkit"] {
         let package = format!("plumbline-{member}");
-        let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["tree", "--locked", "--offline", "--all-features", "--prefix", "none", "--format", "{p}"]);
-        let out = cargo.args(["--package", &package]).current_dir(root()).output().expect("cargo runs");
-        let tree = String::from_utf8_lossy(&out.stdout);
-        assert!(out.status.success() && tree.contains(&package), "{}", String::from_utf8_lossy(&out.stderr));
-        for name in tree.lines().filter_map(|l| l.split(' ').next()) {
-            assert!(!FOREIGN.contains(&name), "{package} depends on {name}");
+        let found = dependencies(&package, &["--all-features"]);
+        for name in FOREIGN {
+            assert!(!found.contains(name), "{package} depends on {name}");
         }
+    }
+}
+
+#[test]
+fn shapes_build_without_codecs_detectors_and_quadratic_programs() {
+    let found = dependencies("plumbline-shape", &[]);
+    for name in ["clarabel", "exr", "image", "kornia-imgproc", "rustface"] {
+        assert!(!found.contains(name), "plumbline-shape depends on {name}");
     }
 }
 

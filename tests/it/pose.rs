@@ -241,3 +241,34 @@ fn a_template_is_fitted_to_a_mesh_of_another_size_and_bound_to_it() {
     }
     assert!(!folder.join("no.glb").exists());
 }
+
+#[test]
+fn ends_to_keep_are_listed_as_vertices_are_in_other_files_or_as_numbers() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let corner = Point3::new(1.4, 1.4, 1.4);
+    let ball = plumbline::shape::mesh::shapes::level_set(|p| p.coords.norm() - 1.0, -corner, corner, 0.2);
+    plumbline::shape::mesh::write_model(&folder.join("ball.off"), &Model::of_mesh(ball.clone())).expect("written");
+    let position = ball.positions()[7];
+    let skeleton = |list: &str| {
+        fs::write(folder.join("ends.json"), list).expect("writable");
+        plumbline_in(folder, &["skeleton", "ball.off", "--keep", "ends.json", "-o", "rig.json", "--overwrite"])
+    };
+    let [x, y, z]: [f64; 3] = position.coords.into();
+    let lists =
+        ["7 90".to_owned(), "[7, 90]".into(), format!(r#"[{{"position": [{x}, {y}, {z}]}}, {{"vertex": 90}}]"#)];
+    let rigs = lists.map(|list| {
+        let out = skeleton(&list);
+        assert!(out.status.success(), "{list}: {}", err(&out));
+        fs::read_to_string(folder.join("rig.json")).expect("written")
+    });
+    assert!(rigs[0] == rigs[1] && rigs[1] == rigs[2]);
+    for (list, expected) in [
+        ("7 x", "ends.json: `x` is no number of a vertex"),
+        ("[[0, 0]]", "ends.json: not a list of vertices"),
+        (r#"[{"vertex": 99999}]"#, "ends.json: there is no vertex 99999"),
+    ] {
+        let out = skeleton(list);
+        assert!(out.status.code() == Some(65) && err(&out).contains(expected), "{list}: {}", err(&out));
+    }
+}

@@ -18,11 +18,11 @@ use plumbline_shape::character::skeleton_file::SkeletonFile;
 use plumbline_shape::character::weights::{WeightOptions, bone_weights};
 use plumbline_shape::character::{Character, CharacterError, CurveSkeleton, Skeleton, Skin};
 use plumbline_shape::mesh::io::{WriteOptions, encode_model};
-use plumbline_shape::mesh::{MeshFormat, Model};
+use plumbline_shape::mesh::{MeshFormat, Model, TriMesh, VertexRef};
 
 /// Settings of `skeleton.extract`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default)]
 pub struct SkeletonExtractSettings {
     /// The file to write: .json (with the curve), .glb or .gltf (bound to the surface), .tgf, .skel or .bvh
     #[schemars(extend("format" = "path"))]
@@ -30,10 +30,10 @@ pub struct SkeletonExtractSettings {
     /// About how many joints; as many as bends, ends and junctions need if left out
     #[schemars(range(min = 1, max = 10_000))]
     pub joints: Option<u32>,
-    /// Prune terminal branches that extend less than this many local radii beyond the rest of the skeleton
-    #[schemars(range(min = 0, max = 100))]
-    pub prune: f64,
-    /// Ends that stay: auto, the tips of the surface, or a file with numbers of vertices, from 0
+    /// How the surface is contracted and the curve pruned.
+    #[serde(flatten)]
+    pub options: ExtractionOptions,
+    /// Ends that stay: auto, the tips of the surface, or a file that lists vertices
     pub keep: Option<String>,
     /// A skeleton whose joints are fitted to the curve (json glb gltf bvh tgf skel); its names, parents and limits stay, and `joints` does
     /// not count
@@ -46,8 +46,8 @@ pub struct SkeletonExtractSettings {
 
 impl Default for SkeletonExtractSettings {
     fn default() -> Self {
-        let prune = ExtractionOptions::default().prune;
-        Self { path: None, joints: None, prune, keep: None, template: None, contraction_frames: None }
+        let options = ExtractionOptions::default();
+        Self { path: None, joints: None, options, keep: None, template: None, contraction_frames: None }
     }
 }
 
@@ -79,7 +79,7 @@ impl Stage for SkeletonExtractSettings {
 
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let mesh = posed.mesh()?;
-        let options = ExtractionOptions { prune: self.prune, keep: keep(self)?, ..ExtractionOptions::default() };
+        let options = ExtractionOptions { keep: keep(self, &mesh, context)?, ..self.options.clone() };
         let folder = self.contraction_frames.as_deref().map(Path::new);
         let mut failed = None;
         let mut frames = Vec::new();
@@ -191,20 +191,38 @@ fn refused(error: &CharacterError) -> RunError {
     }
 }
 
-/// Which ends stay.
 /// Size of the largest list of vertices to keep, bytes: a hundred thousand numbers of ten digits, far more than a body has tips.
 const MAX_BYTES: u64 = 1 << 20;
 
-fn keep(settings: &SkeletonExtractSettings) -> Result<Keep, RunError> {
+/// Which ends stay. A file has numbers alone, or a JSON list of vertices as other files name them.
+fn keep(settings: &SkeletonExtractSettings, mesh: &TriMesh, context: &Context<'_, '_>) -> Result<Keep, RunError> {
     let Some(name) = settings.keep_file() else {
         return Ok(if settings.keep.is_some() { Keep::Extrema } else { Keep::Nothing });
     };
     let bad = |what: String| RunError::Input(format!("{name}: {what}"));
     let text = read_text(Path::new(name), MAX_BYTES)
         .map_err(|e| bad(format!("{e} (expected `auto`, or a file of vertices)")))?;
-    let words = text.split(|c: char| c.is_whitespace() || matches!(c, ',' | '[' | ']')).filter(|w| !w.is_empty());
-    let number = |w: &str| w.parse::<u32>().map_err(|_| bad(format!("`{w}` is no number of a vertex (whole, from 0)")));
-    words.map(number).collect::<Result<_, _>>().map(Keep::Vertices)
+    let only_numbers = text.matches('[').count() <= 1 && !text.contains('{');
+    let vertices: Vec<VertexRef> = if only_numbers {
+        let words = text.split(|c: char| c.is_whitespace() || matches!(c, ',' | '[' | ']')).filter(|w| !w.is_empty());
+        let number = |w: &str| {
+            let number = w.parse().map(VertexRef::Vertex);
+            number.map_err(|_| bad(format!("`{w}` is no number of a vertex (whole, from 0)")))
+        };
+        words.map(number).collect::<Result<_, _>>()?
+    } else {
+        serde_json::from_str(&text).map_err(|e| bad(format!("not a list of vertices: {e}")))?
+    };
+    let found = |vertex: &VertexRef| {
+        context.job.check_cancel()?;
+        vertex.find(mesh).ok_or_else(|| match vertex {
+            VertexRef::Vertex(index) => {
+                bad(format!("there is no vertex {index}; the mesh has {}, numbered from 0", mesh.vertex_count()))
+            }
+            VertexRef::Nearest(position) => bad(format!("{position:?} is no position")),
+        })
+    };
+    vertices.iter().map(found).collect::<Result<_, _>>().map(Keep::Vertices)
 }
 
 fn write_frame(path: &Path, step: &ContractionStep<'_>, run: &Run) -> Result<(), RunError> {

@@ -63,6 +63,7 @@ mod tips;
 use std::ops::ControlFlow;
 
 use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
 
 use super::{CharacterError, CurveSkeleton, Skeleton};
 use crate::mesh::TriMesh;
@@ -84,19 +85,27 @@ pub enum Keep {
 }
 
 /// Options of curve skeleton extraction.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default)]
 pub struct ExtractionOptions {
-    /// Weight of the contraction, dimensionless. Default 0.7. Below 0.3 wide parts stay sheets, above 2 limbs shorten.
+    /// Weight of the contraction; below 0.3 wide parts stay sheets, above 2 limbs shorten
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1000)))]
     pub contraction: f64,
-    /// Weight of the positions of the last iteration, dimensionless. Default 0.1.
+    /// Weight of the positions of the last contraction iteration
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1000)))]
     pub attraction: f64,
-    /// Weight of medial centers, dimensionless. Default 0.3.
+    /// Weight of the centers of the largest balls inside
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1000)))]
     pub medial: f64,
-    /// Prune terminal branches that extend less than this many local radii beyond the rest of the skeleton. Default 1.5.
+    /// Prune terminal branches that extend less than this many local radii beyond the rest of the skeleton
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 100)))]
     pub prune: f64,
-    /// Largest number of contraction iterations. Default 12.
+    /// Largest number of contraction iterations
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1000)))]
     pub iterations: usize,
     /// Ends to keep.
+    #[serde(skip)]
     pub keep: Keep,
 }
 
@@ -111,9 +120,11 @@ impl ExtractionOptions {
         for (name, value) in
             [("contraction", self.contraction), ("attraction", self.attraction), ("medial", self.medial)]
         {
-            OptionError::check(value > 0.0 && value <= 1000.0, name, value, "more than 0, at most 1000")?;
+            OptionError::check((0.001..=1000.0).contains(&value), name, value, "0.001 to 1000")?;
         }
         OptionError::check((0.0..=100.0).contains(&self.prune), "prune", self.prune, "0 to 100")?;
+        let iterations = self.iterations as f64;
+        OptionError::check((1.0..=1000.0).contains(&iterations), "iterations", iterations, "1 to 1000")?;
         if let Keep::Vertices(all) = &self.keep
             && let Some(vertex) = all.iter().find(|v| **v as usize >= vertices)
         {

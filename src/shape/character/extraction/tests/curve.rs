@@ -166,7 +166,7 @@ fn options_are_checked() {
         ),
         (
             ExtractionOptions { medial: 0.0, ..ExtractionOptions::default() },
-            "medial 0 is invalid (expected more than 0, at most 1000)",
+            "medial 0 is invalid (expected 0.001 to 1000)",
         ),
     ] {
         let refused = extract(&mesh, &options, &mut |_| ControlFlow::Continue(()), &Run::default()).unwrap_err();
