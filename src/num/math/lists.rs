@@ -61,6 +61,13 @@ impl<T: Copy + Default> Lists<T> {
     ///
     /// # Panics
     /// If a list is not below `count`.
+    ///
+    /// ```
+    /// use plumbline_num::math::Lists;
+    ///
+    /// let neighbors = Lists::new(3, [(0, 'b'), (2, 'a'), (0, 'c')].into_iter());
+    /// assert_eq!([neighbors.of(0), neighbors.of(1)], [&['b', 'c'][..], &[]]);
+    /// ```
     pub fn new(count: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) -> Self {
         let mut starts = vec![0; count + 1];
         pairs.clone().for_each(|(list, _)| starts[list as usize + 1] += 1);

@@ -84,19 +84,24 @@ pub enum Keep {
     Extrema,
 }
 
+/// Least and largest weight: where one is a thousand times another, the other has no part left in the sum, and beyond that only
+/// the condition of the system gets worse.
+const MIN_WEIGHT: f64 = 0.001;
+const MAX_WEIGHT: f64 = 1000.0;
+
 /// Options of curve skeleton extraction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct ExtractionOptions {
     /// Weight of the contraction; below 0.3 wide parts stay sheets, above 2 limbs shorten
-    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1000)))]
+    #[cfg_attr(feature = "schema", schemars(range(min = MIN_WEIGHT, max = MAX_WEIGHT)))]
     pub contraction: f64,
     /// Weight of the positions of the last contraction iteration
-    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1000)))]
+    #[cfg_attr(feature = "schema", schemars(range(min = MIN_WEIGHT, max = MAX_WEIGHT)))]
     pub attraction: f64,
     /// Weight of the centers of the largest balls inside
-    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1000)))]
+    #[cfg_attr(feature = "schema", schemars(range(min = MIN_WEIGHT, max = MAX_WEIGHT)))]
     pub medial: f64,
     /// Prune terminal branches that extend less than this many local radii beyond the rest of the skeleton
     #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 100)))]
@@ -120,7 +125,7 @@ impl ExtractionOptions {
         for (name, value) in
             [("contraction", self.contraction), ("attraction", self.attraction), ("medial", self.medial)]
         {
-            OptionError::check((0.001..=1000.0).contains(&value), name, value, "0.001 to 1000")?;
+            OptionError::check((MIN_WEIGHT..=MAX_WEIGHT).contains(&value), name, value, "0.001 to 1000")?;
         }
         OptionError::check((0.0..=100.0).contains(&self.prune), "prune", self.prune, "0 to 100")?;
         let iterations = self.iterations as f64;
