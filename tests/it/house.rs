@@ -50,6 +50,22 @@ fn links(document: &str) -> impl Iterator<Item = &str> {
 }
 
 #[test]
+fn sources_that_the_architecture_names_exist() {
+    let Some(files) = tracked_files() else {
+        skip("this is no git checkout");
+        return;
+    };
+    let text = fs::read_to_string(root().join("docs/ARCHITECTURE.md")).expect("a document");
+    let quoted = text.split('`').skip(1).step_by(2);
+    let named: Vec<&str> = quoted.filter(|name| Path::new(name).extension().is_some_and(|e| e == "rs")).collect();
+    assert!(named.len() > 10, "{named:?}");
+    for name in named.iter().filter(|name| name.chars().all(|c| c.is_ascii_lowercase() || "_/.".contains(c))) {
+        let found = files.iter().any(|file| file == name || file.ends_with(&format!("/{name}")));
+        assert!(found, "docs/ARCHITECTURE.md names `{name}`, and there is no such file");
+    }
+}
+
+#[test]
 fn links_between_documents_lead_somewhere() {
     let docs =
         fs::read_dir(root().join("docs")).expect("docs/").chain(fs::read_dir(root().join("docs/adr")).expect("adr/"));

@@ -132,12 +132,22 @@ impl From<CharacterError> for RunError {
     fn from(error: CharacterError) -> Self {
         match error {
             CharacterError::Interrupted(stopped) => stopped.into(),
+            CharacterError::Option(_) => Self::Usage(error.to_string()),
             other => Self::Input(other.to_string()),
         }
     }
 }
 
 impl RunError {
+    /// Names the file or mesh `what` in a fault of the input; other errors stay as they are.
+    #[must_use]
+    pub fn about(self, what: impl std::fmt::Display) -> Self {
+        match self {
+            Self::Input(text) => Self::Input(format!("{what}: {text}")),
+            other => other,
+        }
+    }
+
     /// The exit status, which says whose fault it is.
     pub fn exit(&self) -> Exit {
         match self {

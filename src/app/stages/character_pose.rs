@@ -235,13 +235,10 @@ fn poses(
     let fraction = |k: u32| if settings.frames <= 1 { 1.0 } else { f64::from(k) / f64::from(settings.frames - 1) };
     if let Some(path) = settings.pose.as_deref().map(Path::new) {
         // A pose file: solve for its targets once, then interpolate from rest.
-        let invalid = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
-        let wanted = TargetPose::read(path, character).map_err(|e| invalid(&e))?;
+        let wanted = TargetPose::read(path, character);
+        let wanted = wanted.map_err(|e| RunError::Input(e.to_string()).about(path.display()))?;
         let found = wanted.solve(character, settings.ik, settings.iterations as usize, &context.job.run());
-        let found = found.map_err(|e| match e {
-            CharacterError::Interrupted(stopped) => stopped.into(),
-            e => invalid(&e),
-        })?;
+        let found = found.map_err(|e| RunError::from(e).about(path.display()))?;
         // Targets out of reach are reported with their distance.
         let far = MISSED * character.model.mesh().diagonal();
         for (k, missed) in found.residuals.iter().enumerate().filter(|(_, m)| **m > far) {

@@ -103,7 +103,7 @@ impl Stage for SkeletonExtractSettings {
         if let Some(error) = failed {
             return Err(error);
         }
-        let (curve, report) = found.map_err(|e| refused(&e))?;
+        let (curve, report) = found?;
         context.job.check_cancel()?;
         context.summary.outputs.extend(frames);
         let rig = rig(context, &curve, &report, self)?;
@@ -142,10 +142,9 @@ fn fitted(
     rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
     let mesh = context.summary.surface.as_ref().map_or_else(|| "the mesh".to_owned(), |s| s.name.clone());
     // The template fitted to the curve.
-    let fit = fit_template(&rig.skeleton, curve, &context.job.run()).map_err(|e| match e {
-        CharacterError::Template(_) => RunError::Input(format!("{}: {e}", path.display())),
-        CharacterError::Interrupted(stopped) => stopped.into(),
-        _ => RunError::Input(format!("{mesh}: {e}")),
+    let fit = fit_template(&rig.skeleton, curve, &context.job.run()).map_err(|e| {
+        let of = if matches!(e, CharacterError::Template(_)) { path.display().to_string() } else { mesh };
+        RunError::from(e).about(of)
     })?;
     // The summary, and what the user should check.
     let name = |j: u32| fit.skeleton.joints()[j as usize].name.as_str();
@@ -180,15 +179,6 @@ fn fitted(
     let clips = rig.clips.iter().map(|clip| fit.retargeted(&rig.skeleton, clip)).collect::<Result<_, _>>();
     let clips = clips.map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
     Ok(Rig { skeleton: fit.skeleton, clips, warnings: Vec::new() })
-}
-
-fn refused(error: &CharacterError) -> RunError {
-    match error {
-        CharacterError::Interrupted(stopped) => (*stopped).into(),
-        CharacterError::Option { .. } => RunError::Usage(error.to_string()),
-        CharacterError::Solve(_) => RunError::Internal(error.to_string()),
-        _ => RunError::Input(error.to_string()),
-    }
 }
 
 /// Size of the largest list of vertices to keep, bytes: a hundred thousand numbers of ten digits, far more than a body has tips.

@@ -326,12 +326,13 @@ impl Poses {
             let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             RunError::Input(format!("{}: no pose file is called `{stem}`, as the mesh is", file.display()))
         })?;
-        let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", pose.display()));
-        let wanted = TargetPose::read(pose, character).map_err(|e| of_file(&e))?;
+        let of_file = |e: CharacterError| RunError::from(e).about(pose.display());
+        let wanted = TargetPose::read(pose, character);
+        let wanted = wanted.map_err(|e| RunError::Input(e.to_string()).about(pose.display()))?;
         let steps = PoseSettings::default().iterations as usize;
-        let found = wanted.solve(character, IkMethod::LeastSquares, steps, run).map_err(|e| of_file(&e))?;
-        let globals = subject.skeleton.globals(&found.pose).map_err(|e| of_file(&e))?;
-        character.skin.joint_matrices(&globals).map_err(|e| of_file(&e))
+        let found = wanted.solve(character, IkMethod::LeastSquares, steps, run).map_err(of_file)?;
+        let globals = subject.skeleton.globals(&found.pose).map_err(of_file)?;
+        character.skin.joint_matrices(&globals).map_err(of_file)
     }
 }
 

@@ -42,8 +42,7 @@ impl Stage for SkinWeightsSettings {
         let mesh = posed.mesh()?;
         let options = &self.options;
         context.job.check_cancel()?;
-        let (weights, report) =
-            bone_weights(&mesh, skeleton, options, &context.job.run()).map_err(|e| RunError::Input(e.to_string()))?;
+        let (weights, report) = bone_weights(&mesh, skeleton, options, &context.job.run())?;
         warn(context, &report, options, |j| skeleton.joints()[j as usize].name.clone());
         if let Some(surface) = &mut context.summary.surface {
             let joints = skeleton.joint_count();

@@ -52,7 +52,11 @@ impl From<TrackError> for StabilizeError {
 
 impl From<FeatureError> for StabilizeError {
     fn from(error: FeatureError) -> Self {
-        Self::Input(error.to_string())
+        match error {
+            FeatureError::Interrupted(stopped) => Self::Interrupted(stopped),
+            FeatureError::Option(_) => Self::Options(error.to_string()),
+            error => Self::Input(error.to_string()),
+        }
     }
 }
 

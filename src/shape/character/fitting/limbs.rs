@@ -117,7 +117,7 @@ impl Layout {
     }
 
     /// Rotation of the trunk: junctions, their neighbors and the limbs between two junctions; without junctions that of all joints.
-    pub(super) fn trunk_turn(&self, bones: &Graph, positions: &[Option<Vector3<f64>>]) -> Matrix3<f64> {
+    pub(super) fn trunk_rotation(&self, bones: &Graph, positions: &[Option<Vector3<f64>>]) -> Matrix3<f64> {
         let meet = |j: &u32| bones.neighbors(*j).len() > 2;
         let between = self.limbs.iter().filter(|l| meet(&l.joints[0]) && meet(&l.joints[l.joints.len() - 1]));
         let mut trunk: BTreeSet<u32> = between.flat_map(|l| l.joints.iter().copied()).collect();

@@ -111,7 +111,7 @@ pub fn fit_template(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Re
         skeleton,
         limbs,
         scale: chosen.scale() * branches.size / bones.size,
-        rotation: UnitQuaternion::from_matrix(&chosen.trunk_turn(&bones, &positions)),
+        rotation: UnitQuaternion::from_matrix(&chosen.trunk_rotation(&bones, &positions)),
         residual: chosen.alignment.residual.sqrt(),
         spare_ends: branches.ends().len().saturating_sub(chosen.matched_ends()),
         ambiguous: !rivals.is_empty(),
