@@ -32,7 +32,7 @@ pub enum CharacterError {
     #[error(transparent)]
     Option(#[from] OptionError),
     /// Numerics: a linear system could not be solved.
-    #[error(transparent)]
+    #[error("the equations of the surface could not be solved ({0}); repair or remesh it")]
     Solve(SparseError),
     /// A surface solver failed.
     #[error(transparent)]
