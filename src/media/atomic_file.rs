@@ -38,6 +38,11 @@ impl AtomicFile {
         Self::begin(folder_of(target), &Name::of(target), |path| File::create_new(path).map(Some))
     }
 
+    /// Removes unfinished files that were to become `target` and whose writers died.
+    pub fn remove_leftovers(target: &Path) {
+        sweep(folder_of(target), &Name::of(target));
+    }
+
     /// A file in `folder` that only this user may read.
     pub(super) fn private(folder: &Path, name: &Name) -> io::Result<Self> {
         let mut options = File::options();

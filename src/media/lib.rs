@@ -7,6 +7,7 @@
 
 mod atomic_file;
 mod av;
+mod build_info;
 mod chapters;
 mod clock;
 mod copier;
@@ -33,6 +34,7 @@ mod write_options;
 mod writer;
 
 pub use atomic_file::AtomicFile;
+pub use build_info::FfmpegBuild;
 pub use encoders::{EncoderInfo, check_encoder, encoders};
 pub use error::{Fault, MediaError};
 pub use focal::focal_px;

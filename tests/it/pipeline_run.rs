@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
-use plumbline::app::pipeline::execute::{Report, execute};
+use plumbline::app::pipeline::execute::{Backend, Report, execute};
 use plumbline::app::pipeline::progress::{Event, Progress, Silent};
 use plumbline::app::pipeline::{
     ArtifactStore, Exit, InputSummary, Job, Pass, Probed, RunError, Shake, ShakeSummary, Source, StageRunner, Summary,
@@ -96,6 +96,7 @@ impl Folder {
         let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let pipeline = read(self.source(batch), &set).unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
         let instances = pipeline.instances().unwrap_or_else(|p| panic!("{}", p.render(false, 100)));
+        let backend = Backend { stages: backend, workers: None };
         execute(&pipeline, &instances, backend, progress, &Arc::new(AtomicBool::new(false)))
     }
 

@@ -9,6 +9,7 @@ mod completions;
 mod compose;
 mod defaults;
 mod deform;
+mod doctor;
 mod failure;
 mod graph;
 mod help;
@@ -39,6 +40,7 @@ mod spelling;
 mod stabilize;
 mod stages;
 mod target;
+mod worker;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -162,8 +164,13 @@ enum ToolCommand {
     Solve(Box<solve::SolveArgs>),
     /// Show what is in a clip
     Probe(probe::ProbeArgs),
+    /// Print versions, encoders and limits of this machine, for reports of faults
+    Doctor,
     /// Print completions for a shell
     Completions(completions::CompletionsArgs),
+    /// Do the items of a batch for another process of this program
+    #[command(hide = true)]
+    Worker,
 }
 
 impl PipelineCommand {
@@ -222,8 +229,11 @@ pub fn main(runner: &dyn StageRunner) -> ExitCode {
             return ExitCode::from(failure.exit as u8);
         }
     };
-    cli.global.start_log();
-    let session = Session { runner, verbosity: cli.global.verbosity(), defaults };
+    if let Err(failure) = cli.global.start_log() {
+        failure.report();
+        return ExitCode::from(failure.exit as u8);
+    }
+    let session = Session { runner, verbosity: cli.global.verbosity(), log: cli.global.log_args(), defaults };
     let exit = dispatch(cli.command, &session).unwrap_or_else(|failure| {
         failure.report();
         failure.exit
@@ -273,6 +283,8 @@ fn dispatch(command: Command, session: &Session<'_>) -> Result<Exit, Failure> {
         ToolCommand::Solve(args) => args.run(),
         ToolCommand::Probe(args) => args.run(session),
         ToolCommand::Completions(args) => Ok(args.run()),
+        ToolCommand::Doctor => Ok(doctor::run()),
+        ToolCommand::Worker => worker::run(session),
     }
 }
 

@@ -10,8 +10,8 @@ use clap::Args;
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::session::{Session, Verbosity};
-use super::{PipelineArgs, print};
-use crate::pipeline::execute::{Report, execute};
+use super::{PipelineArgs, print, worker};
+use crate::pipeline::execute::{Backend, Report, execute};
 use crate::pipeline::options::ProgressMode;
 use crate::pipeline::progress::{error_line, for_mode};
 use crate::pipeline::{Exit, Pipeline, PipelineFile, check, print as file_text};
@@ -72,7 +72,9 @@ fn run_pipeline(pipeline: &Pipeline, session: &Session<'_>) -> Result<Exit, Fail
     let interrupt = Interrupt::install()?;
     let mode = session.progress(pipeline.run.progress);
     let progress = for_mode(mode, std::io::stderr().is_terminal());
-    let report = execute(pipeline, &instances, session.runner, progress.as_ref(), &interrupt.cancel);
+    let workers = worker::this_program(&session.log);
+    let backend = Backend { stages: session.runner, workers: workers.as_ref() };
+    let report = execute(pipeline, &instances, backend, progress.as_ref(), &interrupt.cancel);
     if mode != ProgressMode::Json {
         print_report(&report, session.verbosity, progress.shows_errors());
     }
@@ -85,6 +87,7 @@ fn run_pipeline(pipeline: &Pipeline, session: &Session<'_>) -> Result<Exit, Fail
 fn print_report(report: &Report, verbosity: Verbosity, shown: bool) {
     let mut text = String::new();
     let many = report.items.len() > 1;
+    log(report);
     for (key, summary) in report.done() {
         match verbosity {
             Verbosity::Quiet => {}
@@ -109,6 +112,16 @@ fn print_report(report: &Report, verbosity: Verbosity, shown: bool) {
     }
     // A closed standard error leaves nothing to print to.
     let _ = std::io::stderr().lock().write_all(text.as_bytes());
+}
+
+/// The same for the log.
+fn log(report: &Report) {
+    for (key, summary) in report.done() {
+        summary.warnings.iter().for_each(|warning| tracing::warn!("{key}: {warning}"));
+        tracing::info!("{key}: {}", summary.brief().lines().next().unwrap_or_default());
+    }
+    report.failures().for_each(|(key, error)| tracing::error!("{key}: {error}"));
+    report.skipped().for_each(|key| tracing::warn!("{key}: not started"));
 }
 
 /// The paths written, one per line, for programs; a person has read them in the summary.

@@ -1,10 +1,20 @@
 //! What all commands share: the global options, and the stages that do the work.
 
+use std::ffi::OsString;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
 use clap::{ArgAction, Args};
+use tracing_subscriber::filter::EnvFilter;
+use tracing_subscriber::fmt::layer;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
 
 use super::defaults::Defaults;
-use crate::pipeline::StageRunner;
+use super::failure::Failure;
 use crate::pipeline::options::ProgressMode;
+use crate::pipeline::{RunError, StageRunner};
 
 /// Options of every command.
 #[derive(Debug, Args)]
@@ -18,6 +28,9 @@ pub(super) struct GlobalArgs {
     /// Log messages of this level and above: off, error, warn, info, debug, trace, or MODULE=LEVEL,…
     #[arg(long, global = true, value_name = "LEVEL", help_heading = "Messages", value_parser = log_filter)]
     log_level: Option<String>,
+    /// Add a log of the run to a file: steps, warnings, errors; --log-level says how much
+    #[arg(long, global = true, value_name = "FILE", help_heading = "Messages")]
+    log_file: Option<PathBuf>,
     /// Of other programs; the error says how inputs are given here.
     #[arg(short = 'i', global = true, hide = true, value_name = "FILE", value_parser = refuse_input_flag)]
     _input: Option<String>,
@@ -41,6 +54,8 @@ pub(super) struct Session<'a> {
     pub(super) runner: &'a dyn StageRunner,
     /// How much is printed.
     pub(super) verbosity: Verbosity,
+    /// Options by which another process of this program logs the same.
+    pub(super) log: Vec<OsString>,
     /// Settings of a file.
     pub(super) defaults: Option<Defaults>,
 }
@@ -55,22 +70,52 @@ impl GlobalArgs {
         }
     }
 
-    /// Starts the log: `--log-level`, else `-vv`, else the variable `PLUMBLINE_LOG` say what is logged.
-    pub(super) fn start_log(&self) {
+    /// What is logged, as `--log-level` or else `-vv` say.
+    fn log(&self) -> Option<String> {
         let by_count = match self.verbose {
             0 | 1 => None,
             2 => Some("info"),
             _ => Some("debug"),
         };
-        let filter = match self.log_level.as_deref().or(by_count) {
-            Some(text) => tracing_subscriber::EnvFilter::try_new(text),
-            None => tracing_subscriber::EnvFilter::try_from_env("PLUMBLINE_LOG").or_else(|_| "off".parse()),
-        };
-        // `--log-level` was parsed before; a second start in one process keeps the first subscriber.
-        if let Ok(filter) = filter {
-            let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
-        }
+        self.log_level.clone().or(by_count.map(str::to_owned))
     }
+
+    /// Options by which another process of this program logs the same.
+    pub(super) fn log_args(&self) -> Vec<OsString> {
+        let level = self.log().map(|level| ["--log-level".into(), level.into()]);
+        let file = self.log_file.as_ref().map(|file| ["--log-file".into(), file.into()]);
+        level.into_iter().chain(file).flatten().collect()
+    }
+
+    /// Starts the log: `--log-level`, else `-vv`, else the variable `PLUMBLINE_LOG` say what goes to standard error. To a file
+    /// goes the same, and steps, warnings and errors where nothing is said.
+    pub(super) fn start_log(&self) -> Result<(), Failure> {
+        let said = self.log().or_else(|| std::env::var("PLUMBLINE_LOG").ok());
+        // `--log-level` was parsed before; what the variable holds may be anything.
+        let filter = |default: &str| {
+            let text = said.as_deref().unwrap_or(default);
+            EnvFilter::try_new(text).unwrap_or_else(|_| EnvFilter::new(default))
+        };
+        let file = self.log_file.as_deref().map(opened).transpose()?;
+        let plain = file.is_some();
+        let to_file = file.map(|file| layer().with_ansi(false).with_writer(file).with_filter(filter("info")));
+        // What goes to the file need not be on the screen as well, unless asked for.
+        let to_screen =
+            (!plain || self.log().is_some()).then(|| layer().with_writer(std::io::stderr).with_filter(filter("off")));
+        // A second start in one process keeps the first subscriber.
+        let _ = tracing_subscriber::registry().with(to_file).with(to_screen).try_init();
+        if plain {
+            let args: Vec<_> = std::env::args_os().skip(1).collect();
+            tracing::info!(version = env!("CARGO_PKG_VERSION"), ?args, "plumbline");
+        }
+        Ok(())
+    }
+}
+
+/// Opens a log to add to: lines of several processes do not mix, since each is written at once.
+fn opened(path: &Path) -> Result<Arc<File>, Failure> {
+    let file = File::options().create(true).append(true).open(path);
+    file.map(Arc::new).map_err(|e| RunError::Output(format!("{}: cannot be written: {e}", path.display())).into())
 }
 
 impl Session<'_> {
@@ -88,7 +133,7 @@ fn log_filter(text: &str) -> Result<String, String> {
     if !text.contains('=') && !known.contains(&text.to_ascii_lowercase().as_str()) {
         return Err(expected.to_owned());
     }
-    match tracing_subscriber::EnvFilter::try_new(text) {
+    match EnvFilter::try_new(text) {
         Ok(_) => Ok(text.to_owned()),
         Err(error) => Err(format!("{error} ({expected})")),
     }

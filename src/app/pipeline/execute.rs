@@ -3,8 +3,8 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::{Duration, Instant};
 
 use super::batch::Instance;
 use super::check::Pipeline;
@@ -13,6 +13,8 @@ use super::options::{BatchSettings, OnError, RunSettings};
 use super::progress::{Event, Progress, TaskProgress};
 use super::run_error::{Exit, RunError};
 use super::summary::Summary;
+use super::worker::{Order, Pool, Worker, WorkerProgram};
+use plumbline_media::AtomicFile;
 
 /// How one item ended.
 #[derive(Debug)]
@@ -59,11 +61,21 @@ impl Report {
     }
 }
 
+/// Who does the work.
+#[derive(Clone, Copy)]
+pub struct Backend<'a> {
+    /// The bodies of the stages.
+    pub stages: &'a dyn StageRunner,
+    /// Items of a batch are done by processes of this program, so that a crash in foreign code ends one of them alone;
+    /// `None`: by this process, as a lone item is.
+    pub workers: Option<&'a WorkerProgram>,
+}
+
 /// Runs every instance.
 pub fn execute(
     pipeline: &Pipeline,
     instances: &[Instance],
-    backend: &dyn StageRunner,
+    backend: Backend<'_>,
     progress: &dyn Progress,
     cancel: &Arc<AtomicBool>,
 ) -> Report {
@@ -76,7 +88,10 @@ pub fn execute(
     let jobs = jobs.clamp(1, instances.len().max(1));
     let threads = (pipeline.run.thread_count() / jobs).max(1);
     let made = Mutex::default();
-    let executor = Executor { run: &pipeline.run, batch: &batch, backend, progress, cancel, threads, made: &made };
+    let pool = backend.workers.filter(|_| instances.len() > 1).map(|program| Pool::new(program.clone()));
+    let (backend, pool) = (backend.stages, pool.as_ref());
+    let executor =
+        Executor { run: &pipeline.run, batch: &batch, backend, pool, progress, cancel, threads, made: &made };
     progress.event(&Event::RunStart { items: instances.len() });
     let results = executor.run_all(instances, jobs);
     let report = Report {
@@ -106,6 +121,7 @@ struct Executor<'a> {
     run: &'a RunSettings,
     batch: &'a BatchSettings,
     backend: &'a dyn StageRunner,
+    pool: Option<&'a Pool>,
     progress: &'a dyn Progress,
     cancel: &'a Arc<AtomicBool>,
     threads: usize,
@@ -113,19 +129,23 @@ struct Executor<'a> {
     made: &'a Mutex<Vec<PathBuf>>,
 }
 
+/// How often a run with workers looks whether the user stopped it.
+const LOOK_FOR_STOP: Duration = Duration::from_millis(50);
+
 type ItemResult = Option<Result<Summary, RunError>>;
 
 impl Executor<'_> {
-    /// `jobs` workers take the items in order.
+    /// `jobs` threads take the items in order.
     fn run_all(&self, instances: &[Instance], jobs: usize) -> Vec<ItemResult> {
         let next = AtomicUsize::new(0);
         let stop = AtomicBool::new(false);
         let results: Mutex<Vec<ItemResult>> = Mutex::new(instances.iter().map(|_| None).collect());
-        let worker = || {
+        let slot = || {
+            let mut worker = self.pool.map(Pool::worker);
             while !stop.load(Ordering::Relaxed) {
                 let at = next.fetch_add(1, Ordering::Relaxed);
                 let Some(instance) = instances.get(at) else { break };
-                let result = self.run_item(instance);
+                let result = self.run_item(instance, worker.as_mut());
                 let interrupted = matches!(result, Err(RunError::Interrupted));
                 if interrupted || (result.is_err() && self.batch.on_error == OnError::Stop) {
                     stop.store(true, Ordering::Relaxed);
@@ -135,22 +155,39 @@ impl Executor<'_> {
                 }
             }
         };
+        let (at_work, ended) = mpsc::channel::<()>();
         std::thread::scope(|scope| {
-            for _ in 1..jobs {
-                scope.spawn(worker);
+            let start = |work| std::thread::Builder::new().spawn_scoped(scope, work);
+            if self.pool.is_some() {
+                // Without a thread for it, workers stop by the signal alone.
+                let _ = std::thread::Builder::new().spawn_scoped(scope, move || self.stop_workers(&ended));
             }
-            worker();
+            // Where the system has no thread left, those that there are take all items.
+            let others: Vec<_> = (1..jobs).map_while(|_| start(&slot).ok()).collect();
+            slot();
+            for thread in others {
+                thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            }
+            drop(at_work);
         });
         results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    fn run_item(&self, instance: &Instance) -> Result<Summary, RunError> {
+    /// Stops the workers once the user stops the run; returns at its end.
+    fn stop_workers(&self, ended: &mpsc::Receiver<()>) {
+        while ended.recv_timeout(LOOK_FOR_STOP) == Err(mpsc::RecvTimeoutError::Timeout) {
+            if self.cancel.load(Ordering::Relaxed) {
+                self.pool.iter().for_each(|pool| pool.stop());
+            }
+        }
+    }
+
+    fn run_item(&self, instance: &Instance, mut worker: Option<&mut Worker<'_>>) -> Result<Summary, RunError> {
         let task = instance.key.as_str();
         self.progress.event(&Event::TaskStart { task });
         let mut attempt = 1;
         let result = loop {
-            let result = catch_unwind(AssertUnwindSafe(|| self.try_item(instance)))
-                .unwrap_or_else(|panic| Err(RunError::Internal(panic_text(panic.as_ref()))));
+            let result = self.try_item(instance, worker.as_deref_mut());
             match &result {
                 Err(error) if error.is_temporary() && attempt <= self.batch.retries => {
                     attempt += 1;
@@ -166,27 +203,22 @@ impl Executor<'_> {
         result
     }
 
-    fn try_item(&self, instance: &Instance) -> Result<Summary, RunError> {
-        let started = Instant::now();
+    fn try_item(&self, instance: &Instance, worker: Option<&mut Worker<'_>>) -> Result<Summary, RunError> {
         self.check_targets(instance)?;
-        self.backend.preflight(instance)?;
-        let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
-        let job = Job {
-            instance,
-            threads: self.threads,
-            overwrite: self.run.overwrite,
-            progress: &progress,
-            cancel: self.cancel,
-        };
-        let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
-        for pass in &instance.plan.passes {
-            job.check_cancel()?;
-            // What fails once the user has stopped the run was stopped, whatever it says of itself.
-            let done = self.backend.run_pass(&job, pass, &mut values, &mut summary);
-            done.map_err(|error| job.check_cancel().err().unwrap_or(error))?;
+        let (threads, overwrite) = (self.threads, self.run.overwrite);
+        if let Some(worker) = worker.filter(|_| !uses_standard_streams(instance)) {
+            if self.cancel.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            let result = worker.run(&Order::of(instance, threads, overwrite), &instance.key, self.progress);
+            if result.is_err() {
+                // A worker that crashed took nothing along.
+                instance.outputs().iter().for_each(|path| AtomicFile::remove_leftovers(path));
+            }
+            return result;
         }
-        summary.seconds = started.elapsed().as_secs_f64();
-        Ok(summary)
+        let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
+        do_work(&Job { instance, threads, overwrite, progress: &progress, cancel: self.cancel }, self.backend)
     }
 
     /// Refuses existing files and makes missing folders before any work is done.
@@ -225,6 +257,29 @@ impl Executor<'_> {
         std::fs::create_dir_all(folder)
             .map_err(|e| RunError::Output(format!("cannot make the folder `{}`: {e}", folder.display())))
     }
+}
+
+/// Runs the passes of a job in this process. A panic is a failure like others.
+pub(super) fn do_work(job: &Job<'_>, backend: &dyn StageRunner) -> Result<Summary, RunError> {
+    let work = || {
+        let started = Instant::now();
+        backend.preflight(job.instance)?;
+        let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
+        for pass in &job.instance.plan.passes {
+            job.check_cancel()?;
+            // What fails once the user has stopped the run was stopped, whatever it says of itself.
+            let done = backend.run_pass(job, pass, &mut values, &mut summary);
+            done.map_err(|error| job.check_cancel().err().unwrap_or(error))?;
+        }
+        summary.seconds = started.elapsed().as_secs_f64();
+        Ok(summary)
+    };
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(RunError::Internal(panic_text(panic.as_ref()))))
+}
+
+/// True where it reads standard input or writes to standard output, which a worker has no share in.
+fn uses_standard_streams(instance: &Instance) -> bool {
+    [instance.inputs(), instance.outputs()].concat().iter().any(|path| path == Path::new("-"))
 }
 
 /// Removes folders in which nothing was written, at the end of a run that failed: not before, since other items may be about to.

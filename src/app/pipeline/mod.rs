@@ -42,6 +42,7 @@ pub mod surfaces;
 pub mod syntax;
 pub mod units;
 mod warps;
+pub mod worker;
 
 pub use batch::Instance;
 pub use check::{Pipeline, check, read};

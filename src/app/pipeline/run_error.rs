@@ -160,6 +160,27 @@ impl RunError {
         }
     }
 
+    /// What it says, without what its display adds; [`RunError::of_message`] makes it whole again.
+    pub(super) fn into_message(self) -> String {
+        match self {
+            Self::Internal(text) => text,
+            other => other.to_string(),
+        }
+    }
+
+    /// The error of a fault with this exit status.
+    pub(super) fn of_message(exit: u8, text: String) -> Self {
+        let is = |known: Exit| exit == known as u8;
+        match text {
+            _ if is(Exit::Interrupted) || is(Exit::Terminated) => Self::Interrupted,
+            text if is(Exit::Usage) => Self::Usage(text),
+            text if is(Exit::Input) => Self::Input(text),
+            text if is(Exit::Output) => Self::Output(text),
+            text if is(Exit::Temporary) => Self::Temporary(text),
+            text => Self::Internal(text),
+        }
+    }
+
     /// Another try may succeed.
     pub fn is_temporary(&self) -> bool {
         matches!(self, Self::Temporary(_))

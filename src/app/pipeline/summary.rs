@@ -4,14 +4,14 @@ use std::fmt;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::report::Segment;
 use plumbline_media::{Input, VideoInfo};
 pub use plumbline_video::stabilize::{Shake, ShakeSummary};
 
 /// What was read.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputSummary {
     /// As the user named it.
     pub name: String,
@@ -36,7 +36,7 @@ impl InputSummary {
 }
 
 /// What was done.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// The clip that was read.
     pub input: Option<InputSummary>,
@@ -71,7 +71,7 @@ pub struct Summary {
 }
 
 /// The window that a clip's new shape shows of its pictures, before they are warped.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WindowSummary {
     /// Part of width and height kept.
     pub kept: [f64; 2],
@@ -88,7 +88,7 @@ impl fmt::Display for WindowSummary {
 }
 
 /// How straight the lines of a still picture became.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LinesSummary {
     /// How many there are.
     pub count: usize,
@@ -97,7 +97,7 @@ pub struct LinesSummary {
 }
 
 /// A mesh, and what was done to it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceSummary {
     /// The file, as the user named it.
     pub name: String,

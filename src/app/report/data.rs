@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::pictures::Picture;
 use plumbline_video::stabilize::ShakeSummary;
@@ -100,7 +100,7 @@ pub struct Crop {
 }
 
 /// A stretch of frames that were drawn alike.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Segment {
     /// Its frames.
     pub frames: Range<usize>,

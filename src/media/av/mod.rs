@@ -8,6 +8,7 @@
 #![allow(clippy::cast_possible_wrap)] // sizes, indices and counts are C ints on the other side, and far below 2^31
 #![allow(clippy::cast_ptr_alignment)] // FFmpeg hands its own aligned structures over as bytes
 
+pub(crate) mod build;
 mod decode;
 mod demux;
 mod dict;

@@ -13,7 +13,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::motion::ClipMotion;
 use crate::path::lowpass;
@@ -24,7 +24,7 @@ use plumbline_num::math::{Homography, Point2, Vec2};
 const SIGMA_S: f64 = 0.5;
 
 /// RMS deviation of the picture's accumulated motion from its Gaussian mean (σ = 0.5 s).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shake {
     /// Of its center, px of the source.
     pub px: f64,
@@ -39,7 +39,7 @@ impl fmt::Display for Shake {
 }
 
 /// Shake of the clip as measured, and as shown.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShakeSummary {
     /// As the camera recorded it.
     pub before: Shake,

@@ -7,11 +7,13 @@ mod terminal;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
+use serde::{Deserialize, Serialize};
+
 use super::options::ProgressMode;
 use super::summary::Summary;
 
 /// State of the pass at work.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tick {
     /// Pass, from 1.
     pub pass: usize,
