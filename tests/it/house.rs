@@ -65,6 +65,25 @@ fn sources_that_the_architecture_names_exist() {
     }
 }
 
+/// Every guarantee names its tests as `file::name` of `tests/it`, or `file::name` below `src` with its path.
+#[test]
+fn guarantees_name_tests_that_exist() {
+    let text = fs::read_to_string(root().join("docs/GUARANTEES.md")).expect("a document");
+    let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("| ") && !l.starts_with("| guarantee")).collect();
+    assert!(rows.len() >= 20, "{} guarantees", rows.len());
+    for row in rows {
+        let cells: Vec<&str> = row.trim_matches('|').split(" | ").collect();
+        let tests: Vec<&str> = cells[cells.len() - 1].split('`').skip(1).step_by(2).collect();
+        assert!(!tests.is_empty(), "a guarantee without a test: {row}");
+        for test in tests {
+            let (file, name) = test.rsplit_once("::").unwrap_or((test, ""));
+            let file = if file.contains('/') { format!("{file}.rs") } else { format!("tests/it/{file}.rs") };
+            let source = fs::read_to_string(root().join(&file)).unwrap_or_else(|_| panic!("{file} of {test}"));
+            assert!(source.contains(&format!("fn {name}(")), "{test} is no test");
+        }
+    }
+}
+
 #[test]
 fn links_between_documents_lead_somewhere() {
     let docs =
