@@ -22,6 +22,8 @@ PURE := num image camera photo video shape testkit
 
 test-long: test ## what takes longer: random cases by the thousand, each library and the façade alone
 	PROPTEST_CASES=1024 cargo test --workspace --locked
+	PLUMBLINE_CASES=300 cargo test --locked --test it kills
+	PLUMBLINE_CASES=200 cargo test --locked --test it faults
 	for crate in $(PURE); do cargo check --locked --all-targets --package plumbline-$$crate || exit 1; done
 	cargo check --locked --package plumbline --no-default-features
 	cargo check --locked --package plumbline --no-default-features --features media

@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::MediaError;
-use super::atomic_file::{AtomicFile, Name};
 use super::av::{AvError, Demuxer, Dictionary, log};
 use super::error::reason;
 use super::info::Ratio;
 use super::sequence::Sequence;
+use plumbline_num::files::AtomicFile;
 
 /// Default limit of the copy of standard input, bytes.
 pub const SPOOL_LIMIT: u64 = 16 << 30;
@@ -98,7 +98,7 @@ impl Input {
     pub fn spool(reader: impl Read, options: &SpoolOptions) -> Result<Self, MediaError> {
         let place = || options.folder.clone();
         let fail = |source| MediaError::Spool { place: place(), source };
-        let mut copy = AtomicFile::private(&options.folder, &Name::beginning("plumbline-stdin-")).map_err(fail)?;
+        let mut copy = AtomicFile::private(&options.folder, "plumbline-stdin-").map_err(fail)?;
         tracing::info!("copying standard input to {} (at most {} bytes)", copy.path().display(), options.limit);
         let file = copy.file().ok_or_else(|| fail(std::io::ErrorKind::Unsupported.into()))?;
         let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), file).map_err(fail)?;

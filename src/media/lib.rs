@@ -5,7 +5,6 @@
 //! their own, joined by bounded channels, and no frame is copied on the way. `FFmpeg` does the work; `av` is the one
 //! folder that touches its C interface.
 
-mod atomic_file;
 mod av;
 mod build_info;
 mod chapters;
@@ -33,7 +32,6 @@ mod unpack;
 mod write_options;
 mod writer;
 
-pub use atomic_file::AtomicFile;
 pub use build_info::FfmpegBuild;
 pub use encoders::{EncoderInfo, check_encoder, encoders};
 pub use error::{Fault, MediaError};

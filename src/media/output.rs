@@ -6,10 +6,10 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use super::atomic_file::{AtomicFile, folder_of};
 use super::av::OutputFormat;
 use super::sequence::{Pattern, muxer_pattern};
 use super::{Input, MediaError};
+use plumbline_num::files::{AtomicFile, IfExists, folder_of};
 
 /// A target to write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -89,7 +89,7 @@ impl Output {
     /// [`MediaError::DiskFull`].
     pub fn preflight(&self) -> Result<(), MediaError> {
         self.format()?;
-        self.begin().map(drop)
+        self.begin(IfExists::Replace).map(drop)
     }
 
     /// Refuses targets that would destroy something.
@@ -115,11 +115,11 @@ impl Output {
     }
 
     /// Starts the unfinished file.
-    pub(super) fn begin(&self) -> Result<Partial, MediaError> {
+    pub(super) fn begin(&self, if_exists: IfExists) -> Result<Partial, MediaError> {
         match &self.target {
             Target::Stdout => Ok(Partial::Stdout),
-            Target::File(path) => Partial::file(path),
-            Target::Sequence(path) => Partial::folder(path),
+            Target::File(path) => Partial::file(path, if_exists),
+            Target::Sequence(path) => Partial::folder(path, if_exists),
         }
     }
 }
@@ -159,20 +159,20 @@ fn files_of_sequence(path: &Path) -> Vec<PathBuf> {
 #[derive(Debug)]
 pub(super) enum Partial {
     Stdout,
-    File { partial: AtomicFile, target: PathBuf },
-    Folder { partial: AtomicFile, target: PathBuf },
+    File { partial: AtomicFile, target: PathBuf, if_exists: IfExists },
+    Folder { partial: AtomicFile, target: PathBuf, if_exists: IfExists },
 }
 
 impl Partial {
-    fn file(target: &Path) -> Result<Self, MediaError> {
-        let partial = AtomicFile::next_to(target).map_err(|e| MediaError::writing_io(target, &e))?;
-        Ok(Self::File { partial, target: target.to_owned() })
+    fn file(target: &Path, if_exists: IfExists) -> Result<Self, MediaError> {
+        let partial = AtomicFile::next_to(target, if_exists).map_err(|e| MediaError::writing_io(target, &e))?;
+        Ok(Self::File { partial, target: target.to_owned(), if_exists })
     }
 
-    fn folder(target: &Path) -> Result<Self, MediaError> {
+    fn folder(target: &Path, if_exists: IfExists) -> Result<Self, MediaError> {
         let partial = AtomicFile::sequence_in(folder_of(target));
         let partial = partial.map_err(|e| MediaError::writing_io(target, &e))?;
-        Ok(Self::Folder { partial, target: target.to_owned() })
+        Ok(Self::Folder { partial, target: target.to_owned(), if_exists })
     }
 
     /// What FFmpeg is to open.
@@ -180,7 +180,7 @@ impl Partial {
         match self {
             Self::Stdout => "pipe:1".into(),
             Self::File { partial, .. } => super::input::local_url(partial.path()),
-            Self::Folder { partial, target } => muxer_pattern(partial.path(), &target.to_string_lossy()),
+            Self::Folder { partial, target, .. } => muxer_pattern(partial.path(), &target.to_string_lossy()),
         }
     }
 
@@ -188,9 +188,11 @@ impl Partial {
     pub(super) fn publish(self) -> Result<(), MediaError> {
         match self {
             Self::Stdout => Ok(()),
-            Self::File { partial, target } => partial.publish(&target).map_err(|e| MediaError::writing_io(&target, &e)),
-            Self::Folder { partial, target } => {
-                partial.publish_into(folder_of(&target)).map_err(|e| MediaError::writing_io(&target, &e))
+            Self::File { partial, target, if_exists } => {
+                partial.publish(&target, if_exists).map_err(|e| MediaError::writing_io(&target, &e))
+            }
+            Self::Folder { partial, target, if_exists } => {
+                partial.publish_into(folder_of(&target), if_exists).map_err(|e| MediaError::writing_io(&target, &e))
             }
         }
     }
@@ -230,12 +232,12 @@ mod tests {
             names.sort();
             names
         };
-        let partial = output.begin().expect("begin");
+        let partial = output.begin(IfExists::Refuse).expect("begin");
         assert_eq!(names().len(), 1);
         assert!(!target.exists() && partial.url().contains("out.partial-"));
         drop(partial);
         assert!(names().is_empty());
-        output.begin().expect("begin").publish().expect("publish");
+        output.begin(IfExists::Refuse).expect("begin").publish().expect("publish");
         assert_eq!(names(), ["out.mp4"]);
     }
 

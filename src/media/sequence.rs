@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::MediaError;
-use super::atomic_file::{AtomicFile, Name};
+use plumbline_num::files::AtomicFile;
 
 /// A pattern, the first number that exists for it, and all its files.
 #[derive(Clone, Debug)]
@@ -93,7 +93,7 @@ impl Sequence {
         };
         let place = std::env::temp_dir();
         let fail = |source| MediaError::Spool { place: place.clone(), source };
-        let links = AtomicFile::folder(&place, &Name::beginning("plumbline-pictures-")).map_err(fail)?;
+        let links = AtomicFile::folder(&place, "plumbline-pictures-").map_err(fail)?;
         for (number, file) in files.iter().enumerate() {
             let target = std::path::absolute(file).map_err(fail)?;
             link(&target, &links.path().join(format!("{number:08}.{extension}"))).map_err(fail)?;

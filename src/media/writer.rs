@@ -16,6 +16,7 @@ use super::output::Partial;
 use super::surface::Surface;
 use super::{Input, MediaError, Output, PassthroughStreams, WriteOptions, WriteReport, av};
 use plumbline_image::Frame;
+use plumbline_num::files::IfExists;
 
 /// A file being written.
 pub struct VideoWriter {
@@ -49,7 +50,7 @@ impl VideoWriter {
         let format = output.format()?;
         let mut warnings = Warnings { strict: options.strict, list: Vec::new() };
         let (choice, encoder, surface) = open_encoder(output, format, video, options, &mut warnings)?;
-        let partial = output.begin()?;
+        let partial = output.begin(IfExists::overwrite(options.overwrite))?;
         av::log::forget();
         let fail = |e| MediaError::writing(output.path(), e);
         let mut muxer = Muxer::create(format, &partial.url()).map_err(fail)?;

@@ -9,10 +9,13 @@
 //! | [`energy`] | quadratic energies: constrained Laplacians, refilled and bordered least squares; robust losses, convergence |
 //! | [`optim`] | Newton's method, Levenberg–Marquardt, quadratic programs, eigenpairs (Lanczos), RANSAC |
 //! | [`run`], [`options`] | interrupt, progress and budget of long calls; options out of their range |
+//! | [`files`], [`limits`] | files that appear once they are whole; limits of the process |
 //! | [`document`] | our versioned JSON documents; glTF and GLB |
 
 pub mod document;
 pub mod energy;
+pub mod files;
+pub mod limits;
 pub mod math;
 pub mod optim;
 pub mod options;

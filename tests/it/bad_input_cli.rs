@@ -199,7 +199,7 @@ fn an_interrupted_run_leaves_nothing_and_a_killed_one_only_what_the_next_run_swe
     let (mut live, _told) = at_work(folder);
     let lived = partials(folder);
     assert!(!lived.is_empty() && lived.iter().all(|n| !left.contains(n)), "{left:?}, then {lived:?}");
-    succeed(folder, &["stabilize", "long.mkv", "-o", "out.mp4", "--preset", "ultrafast", "--end", "0.4"]);
+    succeed(folder, &["stabilize", "long.mkv", "-o", "out.mp4", "--preset", "ultrafast", "--end", "0.4", "-y"]);
     assert_eq!(partials(folder), lived);
     signal(&live, "INT");
     live.wait().expect("it ends");

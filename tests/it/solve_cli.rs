@@ -35,7 +35,8 @@ fn a_system_is_solved_reported_and_drawn() {
     let folder = tempfile::tempdir().expect("a folder");
     write(folder.path(), "a.mtx", &grid(12, 0.25));
     for method in ["auto", "cholesky", "simplicial", "ldlt", "lu", "qr", "cg", "gauss-seidel"] {
-        let args = ["solve", "a.mtx", "--method", method, "--ordering", "nd", "-o", "x.mtx", "--report", "r.json"];
+        let args =
+            ["solve", "a.mtx", "--method", method, "--ordering", "nd", "-o", "x.mtx", "--report", "r.json", "-y"];
         let output = plumbline_in(folder.path(), &args);
         assert_eq!(output.status.code(), Some(0), "{method}: {}", err(&output));
         let x = std::fs::read_to_string(folder.path().join("x.mtx")).expect("written");
@@ -62,7 +63,7 @@ fn low_rank_changes_solve_the_changed_system() {
     write(folder.path(), "more.mtx", &format!("{header}\n2 144 3\n1 5 2.0\n1 90 -1.0\n2 17 3.0\n"));
     write(folder.path(), "less.mtx", &format!("{header}\n1 144 1\n1 17 2.0\n"));
     for changes in [&["--update", "more.mtx"][..], &["--update", "more.mtx", "--downdate", "less.mtx"]] {
-        let args = [&["solve", "a.mtx", "--report", "r.json"][..], changes].concat();
+        let args = [&["solve", "a.mtx", "--report", "r.json", "-y"][..], changes].concat();
         let output = plumbline_in(folder.path(), &args);
         assert_eq!(output.status.code(), Some(0), "{changes:?}: {}", err(&output));
         let report = std::fs::read_to_string(folder.path().join("r.json")).expect("written");

@@ -38,7 +38,10 @@ impl From<RunError> for Failure {
     fn from(error: RunError) -> Self {
         match error {
             RunError::Config(problems) => problems.into(),
-            other => Self { exit: other.exit(), message: other.to_string(), drawn: false },
+            other => {
+                let other = other.settled();
+                Self { exit: other.exit(), message: other.to_string(), drawn: false }
+            }
         }
     }
 }

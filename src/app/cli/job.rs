@@ -28,7 +28,7 @@ pub(super) struct JobArgs {
     #[arg(long)]
     pub(super) print_pipeline: bool,
     /// Threads for the whole run; 0 = all processors
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=4096))]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=512))]
     threads: u32,
     /// Form of the progress messages
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]

@@ -21,6 +21,7 @@ mod modes;
 mod morph;
 mod motion;
 mod options;
+mod out_of_memory;
 mod photo;
 mod photo_clip;
 mod plan;
@@ -45,13 +46,16 @@ mod worker;
 use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::pipeline::{Exit, Pipeline, PipelineFile, StageRunner};
 use defaults::Defaults;
 use failure::Failure;
+use interrupt::{GRACE, Interrupt};
 use job::{BuildsPipeline, JobArgs, JobCommand};
+pub use out_of_memory::NotingAllocator;
 use session::{GlobalArgs, Session};
 
 /// Deshake video, defish and retarget photos; deform, auto-rig, skin and morph meshes
@@ -219,8 +223,22 @@ impl PipelineArgs {
     }
 }
 
+impl Command {
+    /// How long the command may take to stop after a signal: nothing where it does not look for one.
+    fn grace(&self) -> Duration {
+        match self {
+            Self::Job(_)
+            | Self::Tool(ToolCommand::Run(_) | ToolCommand::Mesh(_) | ToolCommand::Solve(_) | ToolCommand::Worker) => {
+                GRACE
+            }
+            Self::Tool(_) => Duration::ZERO,
+        }
+    }
+}
+
 /// Runs the program on the process's own arguments.
 pub fn main(runner: &dyn StageRunner) -> ExitCode {
+    out_of_memory::install();
     let (cli, defaults) = match Cli::read(std::env::args_os()) {
         Ok(read) => read,
         Err(Refusal::Line(error)) => error.exit(),
@@ -229,12 +247,13 @@ pub fn main(runner: &dyn StageRunner) -> ExitCode {
             return ExitCode::from(failure.exit as u8);
         }
     };
-    if let Err(failure) = cli.global.start_log() {
-        failure.report();
-        return ExitCode::from(failure.exit as u8);
-    }
-    let session = Session { runner, verbosity: cli.global.verbosity(), log: cli.global.log_args(), defaults };
-    let exit = dispatch(cli.command, &session).unwrap_or_else(|failure| {
+    let (verbosity, log) = (cli.global.verbosity(), cli.global.log_args());
+    let run = || {
+        cli.global.start_log()?;
+        let interrupt = Interrupt::install(cli.command.grace())?;
+        dispatch(cli.command, &Session { runner, verbosity, log, defaults, interrupt })
+    };
+    let exit = run().unwrap_or_else(|failure| {
         failure.report();
         failure.exit
     });
@@ -273,14 +292,14 @@ fn dispatch(command: Command, session: &Session<'_>) -> Result<Exit, Failure> {
         Command::Tool(tool) => tool,
     };
     match tool {
-        ToolCommand::Mesh(args) => args.run(),
+        ToolCommand::Mesh(args) => args.run(session),
         ToolCommand::Run(args) => args.run(session),
         ToolCommand::Check(args) => args.run(),
         ToolCommand::Plan(args) => args.run(session),
         ToolCommand::Graph(args) => args.run(),
         ToolCommand::Stages(args) => args.run(),
         ToolCommand::Schema(args) => Ok(args.run()),
-        ToolCommand::Solve(args) => args.run(),
+        ToolCommand::Solve(args) => args.run(session),
         ToolCommand::Probe(args) => args.run(session),
         ToolCommand::Completions(args) => Ok(args.run()),
         ToolCommand::Doctor => Ok(doctor::run()),

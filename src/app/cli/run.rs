@@ -8,7 +8,6 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 
 use super::failure::Failure;
-use super::interrupt::Interrupt;
 use super::session::{Session, Verbosity};
 use super::{PipelineArgs, print, worker};
 use crate::pipeline::execute::{Backend, Report, execute};
@@ -69,7 +68,7 @@ pub(super) fn run_or_print(file: PipelineFile, print_only: bool, session: &Sessi
 /// Runs a checked pipeline, prints summaries and errors, and gives the exit status.
 fn run_pipeline(pipeline: &Pipeline, session: &Session<'_>) -> Result<Exit, Failure> {
     let instances = pipeline.instances()?;
-    let interrupt = Interrupt::install()?;
+    let interrupt = &session.interrupt;
     let mode = session.progress(pipeline.run.progress);
     let progress = for_mode(mode, std::io::stderr().is_terminal());
     let workers = worker::this_program(&session.log);

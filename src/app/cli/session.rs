@@ -13,6 +13,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 
 use super::defaults::Defaults;
 use super::failure::Failure;
+use super::interrupt::Interrupt;
 use crate::pipeline::options::ProgressMode;
 use crate::pipeline::{RunError, StageRunner};
 
@@ -58,6 +59,8 @@ pub(super) struct Session<'a> {
     pub(super) log: Vec<OsString>,
     /// Settings of a file.
     pub(super) defaults: Option<Defaults>,
+    /// What signals set.
+    pub(super) interrupt: Interrupt,
 }
 
 impl GlobalArgs {

@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::failure::Failure;
 use super::print;
+use super::session::Session;
 use crate::pipeline::Exit;
 use crate::pipeline::solve::{SolveJob, solve};
 
@@ -15,8 +16,8 @@ pub(super) struct SolveArgs {
 }
 
 impl SolveArgs {
-    pub(super) fn run(self) -> Result<Exit, Failure> {
-        print(&solve(&self.job)?);
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        print(&solve(&self.job, &session.interrupt.run())?);
         Ok(Exit::Done)
     }
 }

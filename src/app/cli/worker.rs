@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use signal_hook::consts::SIGTERM;
 
 use super::failure::Failure;
-use super::interrupt::Interrupt;
 use super::session::Session;
 use crate::pipeline::Exit;
 use crate::pipeline::worker::{WorkerProgram, serve};
@@ -25,10 +24,9 @@ pub(super) fn this_program(log: &[OsString]) -> Option<WorkerProgram> {
 
 /// Takes orders from standard input until it ends.
 pub(super) fn run(session: &Session<'_>) -> Result<Exit, Failure> {
-    let interrupt = Interrupt::install()?;
     // As if the user had stopped this process: the same handler, the same time to clean up.
     let stopped = || drop(signal_hook::low_level::raise(SIGTERM));
     let orders = BufReader::new(std::io::stdin());
-    serve(orders, std::io::stdout(), session.runner, &interrupt.cancel, stopped)?;
+    serve(orders, std::io::stdout(), session.runner, &session.interrupt.cancel, stopped)?;
     Ok(Exit::Done)
 }

@@ -13,8 +13,9 @@ use super::options::{BatchSettings, OnError, RunSettings};
 use super::progress::{Event, Progress, TaskProgress};
 use super::run_error::{Exit, RunError};
 use super::summary::Summary;
+use super::threads::start;
 use super::worker::{Order, Pool, Worker, WorkerProgram};
-use plumbline_media::AtomicFile;
+use plumbline_num::files::AtomicFile;
 
 /// How one item ended.
 #[derive(Debug)]
@@ -157,13 +158,12 @@ impl Executor<'_> {
         };
         let (at_work, ended) = mpsc::channel::<()>();
         std::thread::scope(|scope| {
-            let start = |work| std::thread::Builder::new().spawn_scoped(scope, work);
             if self.pool.is_some() {
                 // Without a thread for it, workers stop by the signal alone.
-                let _ = std::thread::Builder::new().spawn_scoped(scope, move || self.stop_workers(&ended));
+                let _ = start(scope, "stop", move || self.stop_workers(&ended));
             }
-            // Where the system has no thread left, those that there are take all items.
-            let others: Vec<_> = (1..jobs).map_while(|_| start(&slot).ok()).collect();
+            // Where the system starts no more of them, those that are there do the work.
+            let others: Vec<_> = (1..jobs).map_while(|_| start(scope, "job", &slot).ok()).collect();
             slot();
             for thread in others {
                 thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -263,13 +263,13 @@ impl Executor<'_> {
 pub(super) fn do_work(job: &Job<'_>, backend: &dyn StageRunner) -> Result<Summary, RunError> {
     let work = || {
         let started = Instant::now();
-        backend.preflight(job.instance)?;
+        backend.preflight(job.instance).map_err(RunError::settled)?;
         let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
         for pass in &job.instance.plan.passes {
             job.check_cancel()?;
             // What fails once the user has stopped the run was stopped, whatever it says of itself.
             let done = backend.run_pass(job, pass, &mut values, &mut summary);
-            done.map_err(|error| job.check_cancel().err().unwrap_or(error))?;
+            done.map_err(|error| job.check_cancel().err().unwrap_or_else(|| error.settled()))?;
         }
         summary.seconds = started.elapsed().as_secs_f64();
         Ok(summary)

@@ -12,6 +12,7 @@ use super::plan::Pass;
 use super::progress::TaskProgress;
 use super::run_error::RunError;
 use super::summary::Summary;
+use plumbline_num::files::{AtomicFile, IfExists};
 use plumbline_num::run::{Interrupt, Run};
 
 /// One instance at work.
@@ -40,6 +41,11 @@ impl Job<'_> {
         Run::with_interrupt(&Interrupt::from_flag(Arc::clone(self.cancel)))
     }
 
+    /// What happens to files that have the name of a result.
+    pub fn if_exists(&self) -> IfExists {
+        IfExists::overwrite(self.overwrite)
+    }
+
     /// Call once per frame.
     ///
     /// # Errors
@@ -51,22 +57,26 @@ impl Job<'_> {
 
 /// Results that one pass hands to later ones, by stage and output port.
 #[derive(Default)]
-pub struct ArtifactStore(HashMap<(usize, &'static str), Box<dyn Any + Send>>);
+pub struct ArtifactStore {
+    results: HashMap<(usize, &'static str), Box<dyn Any + Send>>,
+    /// The names of the files to write, taken until the job has ended.
+    pub(crate) claims: Vec<AtomicFile>,
+}
 
 impl ArtifactStore {
     /// Keeps the result of a stage's output port.
     pub fn put<T: Any + Send>(&mut self, stage: usize, port: &'static str, value: T) {
-        self.0.insert((stage, port), Box::new(value));
+        self.results.insert((stage, port), Box::new(value));
     }
 
     /// Drops what a stage kept.
     pub fn forget(&mut self, stage: usize) {
-        self.0.retain(|(from, _), _| *from != stage);
+        self.results.retain(|(from, _), _| *from != stage);
     }
 
     /// What a stage kept under `port`, if it is of this type.
     pub fn at<T: Any>(&self, stage: usize, port: &'static str) -> Option<&T> {
-        self.0.get(&(stage, port)).and_then(|v| v.downcast_ref())
+        self.results.get(&(stage, port)).and_then(|v| v.downcast_ref())
     }
 
     /// The result at the other end of `edge`.

@@ -40,6 +40,7 @@ pub mod suggest;
 pub(crate) mod summary;
 pub mod surfaces;
 pub mod syntax;
+pub(crate) mod threads;
 pub mod units;
 mod warps;
 pub mod worker;

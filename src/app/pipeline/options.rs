@@ -26,7 +26,7 @@ pub enum ProgressMode {
 #[serde(default, deny_unknown_fields)]
 pub struct RunSettings {
     /// Threads for the whole run, shared by all items at work; 0 = all processors
-    #[schemars(range(min = 0, max = 4096))]
+    #[schemars(range(min = 0, max = 512))]
     pub threads: u32,
     /// Existing files may be replaced
     pub overwrite: bool,
@@ -35,11 +35,13 @@ pub struct RunSettings {
 }
 
 impl RunSettings {
-    /// Threads for the whole run, at least 1.
+    /// Threads for the whole run, at least 1; not more than four for each processor, and 64 in any case. Beyond that each only
+    /// costs a stack and, where it decodes or encodes, its frames.
     pub fn thread_count(&self) -> usize {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
         match self.threads {
-            0 => std::thread::available_parallelism().map_or(1, usize::from),
-            n => n as usize,
+            0 => processors,
+            n => (n as usize).min((4 * processors).max(64)),
         }
     }
 }

@@ -17,6 +17,7 @@ use super::graph::{Graph, Stage};
 use super::kind::TemporalScope;
 use super::memory::{ClipShape, MemoryCost, human_bytes};
 use super::port::PortType;
+use plumbline_num::files::free_space;
 
 /// One streaming run over the clip.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,6 +55,13 @@ impl Plan {
         let mut lines: Vec<String> = self.passes.iter().flat_map(|p| self.describe_pass(p, graph, clip)).collect();
         let peak = self.passes.iter().map(|p| p.memory(graph, clip)).max().filter(|_| clip.is_some());
         lines.extend(peak.map(|bytes| format!("peak memory: about {} beside the program itself", human_bytes(bytes))));
+        let space = clip.map(|clip| temporary_space(graph, clip)).filter(|bytes| *bytes > 0);
+        lines.extend(space.map(|bytes| {
+            let folder = std::env::temp_dir();
+            let free = free_space(&folder).map(|free| format!(", which has {} free", human_bytes(free)));
+            let shown = folder.display();
+            format!("temporary space: up to {} in {shown}{}", human_bytes(bytes), free.unwrap_or_default())
+        }));
         lines.push(String::new());
         lines.join("\n")
     }
@@ -72,6 +80,12 @@ impl Plan {
         }
         lines
     }
+}
+
+/// Bytes that the temporary files of a run may take: they are kept from the pass that fills them to the end.
+pub fn temporary_space(graph: &Graph, clip: &ClipShape) -> u64 {
+    let costs = graph.stages.iter().flat_map(Stage::memory);
+    costs.filter(|cost| cost.on_disk).map(|cost| cost.evaluate(clip)).sum()
 }
 
 /// It takes or gives frames.

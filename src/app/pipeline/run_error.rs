@@ -2,6 +2,7 @@
 
 use super::problem::Problems;
 use plumbline_media::{Fault, MediaError};
+use plumbline_num::limits::Shortage;
 use plumbline_num::run::Stopped;
 use plumbline_photo::PhotoError;
 use plumbline_shape::character::CharacterError;
@@ -54,6 +55,8 @@ pub enum Exit {
     Output = 73,
     /// Try again.
     Temporary = 75,
+    /// Stopped by SIGHUP: its terminal was closed.
+    HungUp = 129,
     /// Stopped by Ctrl-C.
     Interrupted = 130,
     /// Stopped by SIGTERM.
@@ -148,6 +151,19 @@ impl RunError {
         }
     }
 
+    /// The error that it is: where a library reports in words what the system said, a limit of this process is not the
+    /// fault of input or output.
+    #[must_use]
+    pub(crate) fn settled(self) -> Self {
+        let (Self::Input(text) | Self::Output(text) | Self::Usage(text) | Self::Internal(text)) = &self else {
+            return self;
+        };
+        match Shortage::in_text(text) {
+            Some(shortage) => Self::Temporary(format!("{text} ({shortage})")),
+            None => self,
+        }
+    }
+
     /// The exit status, which says whose fault it is.
     pub fn exit(&self) -> Exit {
         match self {
@@ -172,7 +188,7 @@ impl RunError {
     pub(super) fn of_message(exit: u8, text: String) -> Self {
         let is = |known: Exit| exit == known as u8;
         match text {
-            _ if is(Exit::Interrupted) || is(Exit::Terminated) => Self::Interrupted,
+            _ if is(Exit::Interrupted) || is(Exit::Terminated) || is(Exit::HungUp) => Self::Interrupted,
             text if is(Exit::Usage) => Self::Usage(text),
             text if is(Exit::Input) => Self::Input(text),
             text if is(Exit::Output) => Self::Output(text),

@@ -1,58 +1,71 @@
 //! Files that stages write: beside their targets, and under their names once they are whole.
 
-use std::fmt::Display;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::context::Context;
 use crate::pipeline::run_error::RunError;
 use crate::report::{ReportFormat, document};
-use plumbline_media::AtomicFile;
+use plumbline_num::files::{AtomicFile, IfExists};
 
-/// Starts the file that is to become `path`; dropped, it is removed.
-pub(crate) fn begin(path: &Path) -> Result<AtomicFile, RunError> {
-    AtomicFile::next_to(path).map_err(|e| cannot(path, &e))
+/// Refuses a folder in which the file that is to become `path` cannot be begun. Whether the file itself may be replaced is
+/// looked at where a run begins.
+pub(crate) fn try_begin(path: &Path) -> Result<(), RunError> {
+    AtomicFile::next_to(path, IfExists::Replace).map(drop).map_err(|e| cannot(path, &e))
 }
 
-pub(crate) fn cannot(path: &Path, why: &dyn Display) -> RunError {
-    RunError::Output(format!("{}: cannot be written: {why}", path.display()))
+/// Why `path` was not written.
+pub(crate) fn cannot(path: &Path, why: &io::Error) -> RunError {
+    RunError::Output(format!("{}: cannot be written: {why}", path.display())).settled()
 }
 
 /// Fills the file that is to become `path`; dropped, it is removed.
-pub(crate) fn filled<E: Display>(
+pub(crate) fn filled<E>(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
-) -> Result<AtomicFile, RunError> {
-    let unfinished = begin(path)?;
-    let mut out = BufWriter::new(File::create(unfinished.path()).map_err(|e| cannot(path, &e))?);
-    write(&mut out).map_err(|e| cannot(path, &e))?;
-    out.flush().map_err(|e| cannot(path, &e))?;
+    if_exists: IfExists,
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
+) -> Result<AtomicFile, RunError>
+where
+    E: Into<Box<dyn std::error::Error + Send + Sync>>,
+{
+    let mut unfinished = AtomicFile::next_to(path, if_exists).map_err(|e| cannot(path, &e))?;
+    let unopened = || cannot(path, &io::ErrorKind::Unsupported.into());
+    let mut out = BufWriter::with_capacity(BUFFER, unfinished.file().ok_or_else(unopened)?);
+    let written = write(&mut out).map_err(io::Error::other);
+    written.and_then(|()| out.flush()).map_err(|e| cannot(path, &e))?;
+    drop(out);
     Ok(unfinished)
 }
 
+/// Bytes gathered before they go to the disk.
+const BUFFER: usize = 1 << 16;
+
 /// Writes a file at once.
-pub(crate) fn write_whole(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), RunError> {
-    let unfinished = filled(path, |out| out.write_all(bytes.as_ref()))?;
-    unfinished.publish(path).map_err(|e| cannot(path, &e))
+pub(crate) fn write_whole(path: &Path, bytes: impl AsRef<[u8]>, if_exists: IfExists) -> Result<(), RunError> {
+    plumbline_num::files::write_whole(path, bytes.as_ref(), if_exists).map_err(|e| cannot(path, &e))
 }
 
 impl Context<'_, '_> {
     /// Writes a file and lists it among the outputs.
     pub(crate) fn write_file(&mut self, path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), RunError> {
-        write_whole(path, bytes)?;
+        write_whole(path, bytes, self.job.if_exists())?;
         self.summary.outputs.push(path.to_owned());
         Ok(())
     }
 
     /// Writes a file piece by piece and lists it among the outputs.
-    pub(crate) fn fill_file<E: Display>(
+    pub(crate) fn fill_file<E>(
         &mut self,
         path: &Path,
-        write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
-    ) -> Result<(), RunError> {
+        write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
+    ) -> Result<(), RunError>
+    where
+        E: Into<Box<dyn std::error::Error + Send + Sync>>,
+    {
         self.job.check_cancel()?;
-        filled(path, write)?.publish(path).map_err(|e| cannot(path, &e))?;
+        let if_exists = self.job.if_exists();
+        filled(path, if_exists, write)?.publish(path, if_exists).map_err(|e| cannot(path, &e))?;
         self.summary.outputs.push(path.to_owned());
         Ok(())
     }

@@ -1,15 +1,14 @@
 //! `image.save`: writes a still picture.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::files::{begin, cannot};
+use super::files::{cannot, filled, try_begin};
 use super::photo::still_error;
 use super::prelude::*;
 use plumbline_image::still::Photo;
-use plumbline_image::still::{SaveOptions, StillFormat, encode};
+use plumbline_image::still::{SaveOptions, Saved, StillFormat, encode};
 
 /// Settings of `image.save`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -49,20 +48,21 @@ impl Stage for ImageSaveSettings {
     fn preflight(&self) -> Result<(), RunError> {
         let path = Path::new(&self.path);
         StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
-        begin(path).map(drop)
+        try_begin(path)
     }
 
     fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let path = Path::new(&self.path);
         let format = StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
-        let unfinished = begin(path)?;
-        let file = File::options().write(true).open(unfinished.path()).map_err(|e| cannot(path, &e))?;
-        let mut out = BufWriter::with_capacity(BUFFER, file);
-        let options = SaveOptions { quality: self.quality };
-        let saved = encode(&photo, format, options, &mut out).map_err(|e| still_error(path, &e))?;
-        out.flush().map_err(|e| cannot(path, &e))?;
+        let (options, if_exists) = (SaveOptions { quality: self.quality }, context.job.if_exists());
+        let mut saved = Ok(Saved::default());
+        let unfinished = filled(path, if_exists, |out| {
+            saved = encode(&photo, format, options, out);
+            Ok::<_, io::Error>(())
+        })?;
+        let saved = saved.map_err(|e| still_error(path, &e))?;
         context.job.check_cancel()?;
-        unfinished.publish(path).map_err(|e| cannot(path, &e))?;
+        unfinished.publish(path, if_exists).map_err(|e| cannot(path, &e))?;
         for warning in saved.warnings {
             context.warn(format!("{}: {warning}", path.display()));
         }
@@ -71,6 +71,3 @@ impl Stage for ImageSaveSettings {
         Ok((Written,))
     }
 }
-
-/// Bytes gathered before they go to the disk.
-const BUFFER: usize = 1 << 20;

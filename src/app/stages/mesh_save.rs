@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::files::begin;
+use super::files::try_begin;
 use super::mesh::animated::animated;
 use super::mesh::mesh_error;
 use super::prelude::*;
@@ -66,7 +66,7 @@ impl Stage for MeshSaveSettings {
             let name = &self.path;
             return Err(RunError::Usage(format!("`{name}` has no movement (`seconds` needs .glb or .gltf)")));
         }
-        begin(Path::new(&self.files()[0])).map(drop)
+        try_begin(Path::new(&self.files()[0]))
     }
 
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {

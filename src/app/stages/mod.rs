@@ -24,7 +24,7 @@ mod lens_undistort;
 mod lines_detect;
 mod lines_load;
 mod lines_save;
-mod mesh;
+pub(crate) mod mesh;
 mod mesh_blend;
 mod mesh_compose;
 mod mesh_deform;
@@ -62,6 +62,7 @@ mod video_stmap;
 mod video_track;
 mod video_warp;
 
+use std::path::Path;
 use std::sync::Arc;
 
 pub use character_pose::{PoseSettings, SkinningChoice};
@@ -112,10 +113,15 @@ use crate::pipeline::batch::Instance;
 use crate::pipeline::graph::Graph;
 use crate::pipeline::job::{ArtifactStore, Job, Probed, StageRunner};
 use crate::pipeline::kind::StageKind;
-use crate::pipeline::plan::Pass;
+use crate::pipeline::memory::human_bytes;
+use crate::pipeline::plan::{Pass, temporary_space};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::Summary;
+use crate::pipeline::threads;
 use context::Context;
+use files::cannot;
+use plumbline_num::files::{AtomicFile, folder_of, free_space};
+use plumbline_num::limits::Shortage;
 
 /// Every stage kind, in the order of the data flow.
 pub static KINDS: [StageKind; 42] = [
@@ -187,16 +193,80 @@ impl StageRunner for BuiltinStages {
         values: &mut ArtifactStore,
         summary: &mut Summary,
     ) -> Result<(), RunError> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build();
-        let pool = pool.map_err(|e| RunError::Temporary(format!("cannot start {} threads: {e}", job.threads)))?;
-        pool.install(|| {
+        let still = job.graph().is_still();
+        check_limits(job.threads, still)?;
+        if pass.index == 0 {
+            check_space(job)?;
+            values.claims = claim_targets(job)?;
+        }
+        threads::pool(job.threads)?.install(|| {
             let mut context = Context { job, pass, values, summary, at: 0 };
-            if job.graph().is_still() {
+            if still {
                 return run_still(&mut context);
             }
             pass.stages.iter().try_for_each(|&stage| run_stage(&mut context, stage))
         })
     }
+}
+
+/// What decoders, encoders and the loops of a clip take beside one thread for each of their own: `(threads, files)` of a
+/// pass. Encoders start half as many again as they are given, and further ones that look ahead.
+const OF_CLIP: (usize, usize) = (8, 16);
+/// The same of a still picture or a mesh.
+const OF_STILL: (usize, usize) = (2, 8);
+
+/// Refuses a pass that could not start its threads or open its files: libraries in which that fails do not all say so.
+fn check_limits(threads: usize, still: bool) -> Result<(), RunError> {
+    let (more_threads, files) = if still { OF_STILL } else { OF_CLIP };
+    let needed = if still { threads } else { 3 * threads } + more_threads;
+    Shortage::check(needed, files).map_err(|shortage| {
+        RunError::Temporary(format!("a run needs {needed} threads and {files} open files more: {shortage}"))
+    })
+}
+
+/// Refuses a run whose files would not fit: results where the disk is full already, since their size is not known before,
+/// and temporary ones by the length of the clip.
+fn check_space(job: &Job<'_>) -> Result<(), RunError> {
+    for path in job.instance.outputs() {
+        if free_space(folder_of(&path)) == Some(0) {
+            return Err(cannot(&path, &std::io::ErrorKind::StorageFull.into()));
+        }
+    }
+    let graph = job.graph();
+    if !graph.stages.iter().any(|stage| stage.memory().iter().any(|cost| cost.on_disk)) {
+        return Ok(());
+    }
+    let shapes = job
+        .instance
+        .inputs()
+        .iter()
+        .filter_map(|path| probe::probe(path.to_str()?).ok()?.shape)
+        .max_by_key(|s| s.frames);
+    let folder = std::env::temp_dir();
+    match (shapes, free_space(&folder)) {
+        (Some(clip), Some(free)) => enough_space(temporary_space(graph, &clip), free, &folder),
+        _ => Ok(()),
+    }
+}
+
+/// What clips take of the space that a plan foresees, in the mean: not all points are found, and not all are followed.
+const SPACE_TAKEN: f64 = 0.5;
+
+fn enough_space(foreseen: u64, free: u64, folder: &Path) -> Result<(), RunError> {
+    if SPACE_TAKEN * foreseen as f64 <= free as f64 {
+        return Ok(());
+    }
+    let (foreseen, free, folder) = (human_bytes(foreseen), human_bytes(free), folder.display());
+    let help = "set TMPDIR to a folder with more space";
+    Err(RunError::Temporary(format!(
+        "the tracks of the clip take up to {foreseen} in {folder}, which has {free} free; {help}"
+    )))
+}
+
+/// Begins the files of a job, so that no other run writes them meanwhile: it is refused before it works.
+fn claim_targets(job: &Job<'_>) -> Result<Vec<AtomicFile>, RunError> {
+    let paths = job.instance.outputs().into_iter().filter(|path| path.as_os_str() != "-");
+    paths.map(|path| AtomicFile::next_to(&path, job.if_exists()).map_err(|e| cannot(&path, &e))).collect()
 }
 
 /// Evaluates the stages of a graph of still pictures or meshes, and lets go of what no later one takes. A picture takes a

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::files::write_whole;
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::job::Job;
 use plumbline_num::document::read_text;
 use plumbline_num::run::Run;
 use plumbline_shape::character::extraction::{
@@ -90,7 +91,7 @@ impl Stage for SkeletonExtractSettings {
             }
             let Some(folder) = folder else { return ControlFlow::Continue(()) };
             let path = folder.join(format!("part{:03}_round{:03}.obj", step.part, step.iteration));
-            match write_frame(&path, step, &context.job.run()) {
+            match write_frame(&path, step, context.job) {
                 Ok(()) => frames.push(path),
                 Err(error) => {
                     failed = Some(error);
@@ -215,11 +216,11 @@ fn keep(settings: &SkeletonExtractSettings, mesh: &TriMesh, context: &Context<'_
     vertices.iter().map(found).collect::<Result<_, _>>().map(Keep::Vertices)
 }
 
-fn write_frame(path: &Path, step: &ContractionStep<'_>, run: &Run) -> Result<(), RunError> {
+fn write_frame(path: &Path, step: &ContractionStep<'_>, job: &Job<'_>) -> Result<(), RunError> {
     let internal = |e: plumbline_shape::mesh::MeshError| RunError::Internal(e.to_string());
     let model = Model::of_mesh(step.surface());
-    let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default(), run).map_err(internal)?;
-    write_whole(path, bytes)
+    let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default(), &job.run()).map_err(internal)?;
+    write_whole(path, bytes, job.if_exists())
 }
 
 /// The bytes of the file.

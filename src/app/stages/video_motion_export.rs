@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::files::{begin, cannot, filled};
+use super::files::{cannot, filled, try_begin};
 use super::prelude::*;
-use plumbline_media::AtomicFile;
+use plumbline_num::files::{AtomicFile, IfExists, publish_all};
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::motion::exchange::{Container, colmap, write_csv, write_gltf};
 use plumbline_video::stabilize::{StabilizeError, Tracks};
@@ -57,7 +57,7 @@ impl Stage for MotionExportSettings {
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
         let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
         let tracks: &Tracks = context.values.get(context.required(stage, "tracks")?)?;
-        let mut written = Written::default();
+        let mut written = Written::new(context.job.if_exists());
         if let Some(path) = &self.path {
             written.file(Path::new(path), |out| Ok(motion.write_json_with_tracks(out, &tracks.store)?))?;
         }
@@ -83,15 +83,15 @@ impl Stage for MotionExportSettings {
     fn preflight(&self) -> Result<(), RunError> {
         let files = [&self.path, &self.gltf, &self.csv].into_iter().flatten().map(PathBuf::from);
         let files = files.chain(self.colmap.iter().map(|folder| Path::new(folder).join(colmap::FILES[0].0)));
-        files.into_iter().try_for_each(|path| begin(&path).map(drop))
+        files.into_iter().try_for_each(|path| try_begin(&path))
     }
 }
 
-type Fault = Box<dyn std::error::Error>;
+type Fault = Box<dyn std::error::Error + Send + Sync>;
 
 /// Files that are whole but have no names yet.
-#[derive(Default)]
 struct Written {
+    if_exists: IfExists,
     files: Vec<(AtomicFile, PathBuf)>,
     /// Files of an earlier run that would be taken for these.
     stale: Vec<PathBuf>,
@@ -101,6 +101,10 @@ struct Written {
 }
 
 impl Written {
+    fn new(if_exists: IfExists) -> Self {
+        Self { if_exists, files: Vec::new(), stale: Vec::new(), outputs: Vec::new(), warnings: Vec::new() }
+    }
+
     fn file(&mut self, path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>) -> Result<(), RunError> {
         self.outputs.push(path.to_owned());
         self.unlisted(path, write)
@@ -111,7 +115,7 @@ impl Written {
         path: &Path,
         write: impl FnOnce(&mut dyn Write) -> Result<(), Fault>,
     ) -> Result<(), RunError> {
-        self.files.push((filled(path, |out| write(out))?, path.to_owned()));
+        self.files.push((filled(path, self.if_exists, |out| write(out))?, path.to_owned()));
         Ok(())
     }
 
@@ -139,9 +143,8 @@ impl Written {
     }
 
     fn publish(self) -> Result<Vec<PathBuf>, RunError> {
-        for (unfinished, path) in self.files {
-            unfinished.publish(&path).map_err(|e| cannot(&path, &e))?;
-        }
+        let first = self.files.first().map(|(_, path)| path.clone()).unwrap_or_default();
+        publish_all(self.files, self.if_exists).map_err(|e| cannot(&first, &e))?;
         for path in self.stale {
             std::fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;
         }

@@ -13,7 +13,7 @@ use in_plane::{Windows, curves};
 use shown::Shown;
 
 use super::clip::encoding;
-use super::files::begin;
+use super::files::try_begin;
 use super::prelude::*;
 use crate::pipeline::summary::Summary;
 use crate::report::{Chart, Clip, Crop, Curve, Curves, Outcome, Report, ReportFormat};
@@ -70,7 +70,7 @@ impl Stage for ReportSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        begin(Path::new(&self.path)).map(drop)
+        try_begin(Path::new(&self.path))
     }
 }
 

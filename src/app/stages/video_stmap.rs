@@ -20,7 +20,7 @@ use super::files::cannot;
 use super::prelude::*;
 use plumbline_image::warp::Lattice;
 use plumbline_image::write_exr;
-use plumbline_media::AtomicFile;
+use plumbline_num::files::AtomicFile;
 use plumbline_num::math::Point2;
 
 /// Settings of `video.stmap`.
@@ -82,7 +82,7 @@ impl Stage for StMapSettings {
         })?;
         write_all(&mut waiting, &mut written, unfinished.path(), size)?;
         chain.check_length(input.name(), report.frames)?;
-        unfinished.publish_into(&folder).map_err(|e| cannot(&folder, &e))?;
+        unfinished.publish_into(&folder, context.job.if_exists()).map_err(|e| cannot(&folder, &e))?;
         context.summary.outputs.push(folder);
         Ok(HandedOn)
     }

@@ -4,6 +4,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use super::{LoadOptions, Photo, SaveOptions, Saved, StillError, StillFormat, encode, load};
+use plumbline_num::files::{AtomicFile, IfExists};
 
 impl Photo {
     /// Reads a picture file: [`load`] with the default limits.
@@ -27,17 +28,13 @@ impl Photo {
     pub fn save(&self, path: impl AsRef<Path>) -> Result<Saved, StillError> {
         let path = path.as_ref();
         let format = StillFormat::of_name(path)?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".picture.partial.");
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut out = BufWriter::new(builder.tempfile_in(folder).map_err(StillError::Write)?);
+        let mut unfinished = AtomicFile::next_to(path, IfExists::Replace).map_err(StillError::Write)?;
+        let file = unfinished.file().ok_or_else(|| StillError::Write(std::io::ErrorKind::Unsupported.into()))?;
+        let mut out = BufWriter::new(file);
         let saved = encode(self, format, SaveOptions::default(), &mut out)?;
         out.flush().map_err(StillError::Write)?;
-        let file = out.into_inner().map_err(|e| StillError::Write(e.into_error()))?;
-        file.as_file().sync_all().map_err(StillError::Write)?;
-        file.persist(path).map_err(|e| StillError::Write(e.error))?;
+        drop(out);
+        unfinished.publish(path, IfExists::Replace).map_err(StillError::Write)?;
         Ok(saved)
     }
 }

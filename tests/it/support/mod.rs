@@ -1,6 +1,7 @@
 //! What tests of several areas share.
 
 pub(crate) mod clips;
+pub(crate) mod jobs;
 pub(crate) mod missing;
 pub(crate) mod program;
 pub(crate) mod shots;

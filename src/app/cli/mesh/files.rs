@@ -7,6 +7,7 @@ use clap::Args;
 use super::super::failure::Failure;
 use super::super::target::TargetArgs;
 use crate::pipeline::Exit;
+use plumbline_num::files::IfExists;
 use plumbline_shape::mesh::MeshFormat;
 
 /// Where results go.
@@ -29,6 +30,7 @@ pub(super) struct MeshTargetArgs {
 pub(super) struct Target {
     pub(super) path: PathBuf,
     pub(super) ascii: bool,
+    pub(super) if_exists: IfExists,
 }
 
 impl MeshTargetArgs {
@@ -41,7 +43,7 @@ impl MeshTargetArgs {
                 return Err(Failure::usage(format!("two inputs would be written as `{}`", path.display())));
             }
             self.check(&path, inputs)?;
-            targets.push(Target { path, ascii: self.ascii });
+            targets.push(Target { path, ascii: self.ascii, if_exists: IfExists::overwrite(self.overwrite) });
         }
         Ok(targets)
     }

@@ -11,10 +11,12 @@ use serde_json::{Value, json};
 
 use super::failure::Failure;
 use super::print;
+use super::session::Session;
 use crate::pipeline::Exit;
+use crate::stages::mesh::mesh_error;
 use files::{MeshTargetArgs, Target, all_inputs};
 use plumbline_num::run::Run;
-use plumbline_shape::mesh::io::{WriteOptions, losses, write_model_with};
+use plumbline_shape::mesh::io::{WriteOptions, losses, write_model_if};
 use plumbline_shape::mesh::{
     MeshError, MeshFacts, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair,
 };
@@ -92,17 +94,18 @@ struct Report {
 }
 
 impl MeshArgs {
-    pub(super) fn run(self) -> Result<Exit, Failure> {
+    pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
+        let run = &session.interrupt.run();
         match self.command {
-            MeshCommand::Info(read) => read.each(|_, model, format| info(model, format)),
+            MeshCommand::Info(read) => read.each(session, |_, model, format| info(model, format, run)),
             MeshCommand::Repair(args) => {
                 let options = RepairOptions { weld: args.weld, flat: args.flat };
                 let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
-                args.read.each(|k, model, _| repaired(model, &options, &targets[k]))
+                args.read.each(session, |k, model, _| repaired(model, &options, &targets[k], run))
             }
             MeshCommand::Convert(args) => {
                 let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
-                args.read.each(|k, model, _| written(model, &targets[k]))
+                args.read.each(session, |k, model, _| written(model, &targets[k], run))
             }
         }
     }
@@ -112,14 +115,16 @@ impl ReadArgs {
     /// Does `work` with each input; one that fails does not stop the others.
     fn each(
         &self,
+        session: &Session<'_>,
         work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Report, MeshError>,
     ) -> Result<Exit, Failure> {
+        let run = &session.interrupt.run();
         let limits = ReadLimits { max_bytes: self.max_bytes, ..ReadLimits::default() };
         let inputs = all_inputs(&self.inputs)?;
         let (mut items, mut failed, mut last) = (Vec::new(), 0, Exit::Done);
         for (k, path) in inputs.iter().enumerate() {
             let format = MeshFormat::of_name(path);
-            let report = read_model(path, &limits, &Run::default()).and_then(|model| work(k, &model, format));
+            let report = read_model(path, &limits, run).and_then(|model| work(k, &model, format));
             match report {
                 Ok(report) => {
                     let name = path.display().to_string();
@@ -132,8 +137,12 @@ impl ReadArgs {
                 }
                 Err(error) => {
                     failed += 1;
-                    last = if error.is_output() { Exit::Output } else { Exit::Input };
-                    Failure { exit: last, message: error.to_string(), drawn: false }.report();
+                    let failure = Failure::from(mesh_error(path, &error));
+                    last = failure.exit;
+                    failure.report();
+                    if run.check().is_err() {
+                        return Ok(session.interrupt.exit());
+                    }
                     items.push(json!({ "file": path.display().to_string(), "error": error.to_string() }));
                 }
             }
@@ -154,9 +163,9 @@ fn with_file(name: &str, mut report: Value) -> Value {
     report
 }
 
-fn info(model: &Model, format: Option<MeshFormat>) -> Result<Report, MeshError> {
+fn info(model: &Model, format: Option<MeshFormat>, run: &Run) -> Result<Report, MeshError> {
     let facts = MeshFacts::of(model.mesh());
-    let report = repair(model.mesh(), &RepairOptions::default(), &Run::default())?.report;
+    let report = repair(model.mesh(), &RepairOptions::default(), run)?.report;
     let mut text = format!("{facts}\n");
     let polygons = model.faces().iter().filter(|face| face.len() > 3).count();
     let lists = [
@@ -192,16 +201,16 @@ fn info(model: &Model, format: Option<MeshFormat>) -> Result<Report, MeshError> 
     Ok(Report { text, json })
 }
 
-fn repaired(model: &Model, options: &RepairOptions, target: &Target) -> Result<Report, MeshError> {
-    let repaired = repair(model.mesh(), options, &Run::default())?;
-    let report = written(&model.repaired(&repaired), target)?;
+fn repaired(model: &Model, options: &RepairOptions, target: &Target, run: &Run) -> Result<Report, MeshError> {
+    let repaired = repair(model.mesh(), options, run)?;
+    let report = written(&model.repaired(&repaired), target, run)?;
     let text = format!("{}\n{}", repaired.report, report.text);
     Ok(Report { text, json: json!({ "repair": repaired.report, "written": report.json }) })
 }
 
-fn written(model: &Model, target: &Target) -> Result<Report, MeshError> {
-    let Target { path, ascii } = target;
-    write_model_with(path, model, &WriteOptions { ascii: *ascii }, &Run::default())?;
+fn written(model: &Model, target: &Target, run: &Run) -> Result<Report, MeshError> {
+    let Target { path, ascii, if_exists } = target;
+    write_model_if(path, model, &WriteOptions { ascii: *ascii }, *if_exists, run)?;
     let lost = MeshFormat::of_name(path).map(|format| losses(model, format)).unwrap_or_default();
     let mut text = format!("written: {}", path.display());
     if !lost.is_empty() {

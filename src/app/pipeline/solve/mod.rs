@@ -12,8 +12,10 @@ use serde_json::{Value as Json, json};
 use super::run_error::RunError;
 use crate::report::{ReportFormat, document};
 use crate::stages::files::{cannot, write_whole};
+use crate::stages::photo::still_error;
 use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline_num::document::read_text;
+use plumbline_num::files::{AtomicFile, IfExists};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{
     FactorStructure, GaussSeidel, GeneralMatrix, IncompleteCholesky, Method as Factorization, Ordering, Pattern,
@@ -99,16 +101,34 @@ pub struct SolveJob {
     /// Draw matrix and factor in all four orders, side by side
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
+    /// Replace existing files
+    #[arg(short = 'y', visible_short_alias = 'f', long)]
+    pub overwrite: bool,
+}
+
+impl SolveJob {
+    fn if_exists(&self) -> IfExists {
+        IfExists::overwrite(self.overwrite)
+    }
+
+    /// Refuses what writing would refuse after long work.
+    fn check_targets(&self) -> Result<(), RunError> {
+        for path in [&self.output, &self.report, &self.picture].into_iter().flatten() {
+            AtomicFile::next_to(path, self.if_exists()).map(drop).map_err(|e| cannot(path, &e))?;
+        }
+        Ok(())
+    }
 }
 
 /// Solves; returns the report for people.
 ///
 /// # Errors
 /// [`RunError::Input`] where a file is not a matrix or the system has no solution, [`RunError::Usage`] where files or methods
-/// do not fit each other, [`RunError::Output`].
-pub fn solve(job: &SolveJob) -> Result<String, RunError> {
+/// do not fit each other, [`RunError::Output`], [`RunError::Interrupted`] where `run` ends.
+pub fn solve(job: &SolveJob, run: &Run) -> Result<String, RunError> {
     let format = job.report.as_ref().map(|path| ReportFormat::of(&path.to_string_lossy()));
     let format = format.transpose().map_err(RunError::Usage)?;
+    job.check_targets()?;
     let unchanged = read(&job.matrix)?;
     let changes = changes(job, unchanged.columns())?;
     let a = if changes.is_empty() { unchanged.clone() } else { changed(&unchanged, &changes, job)? };
@@ -123,18 +143,19 @@ pub fn solve(job: &SolveJob) -> Result<String, RunError> {
     }
     let structures = structures(pattern.as_ref()).map_err(|e| said(&job.matrix, &e))?;
     let began = Instant::now();
-    let solved = if changes.is_empty() { solved(job, &a, &b) } else { updated(job, &unchanged, &changes, &b) };
+    let solved =
+        if changes.is_empty() { solved(job, &a, &b, run) } else { updated(job, &unchanged, &changes, &b, run) };
     let solved = solved.map_err(|e| said(&job.matrix, &e))?;
     let seconds = began.elapsed().as_secs_f64();
     let report = report(job, &a, &b, given, &structures, &solved, seconds);
     if let Some(path) = &job.output {
-        write_whole(path, write_matrix_market(a.columns(), &solved.x))?;
+        write_whole(path, write_matrix_market(a.columns(), &solved.x), job.if_exists())?;
     }
     if let Some((path, format)) = job.report.as_ref().zip(format) {
-        write_whole(path, document(&job.matrix.display().to_string(), &report, format))?;
+        write_whole(path, document(&job.matrix.display().to_string(), &report, format), job.if_exists())?;
     }
     if let Some(path) = &job.picture {
-        draw(path, &structures)?;
+        draw(path, &structures, job.if_exists())?;
     }
     Ok(words(&report))
 }
@@ -142,6 +163,7 @@ pub fn solve(job: &SolveJob) -> Result<String, RunError> {
 fn said(path: &Path, error: &SparseError) -> RunError {
     let text = format!("{}: {error}", path.display());
     match error {
+        SparseError::Interrupted(stopped) => (*stopped).into(),
         SparseError::OutOfMemory { .. } => RunError::Temporary(text),
         SparseError::NotSquare { .. } | SparseError::NotSymmetric { .. } | SparseError::Underdetermined { .. } => {
             RunError::Usage(text)
@@ -234,18 +256,17 @@ fn changed(a: &GeneralMatrix, changes: &[Change], job: &SolveJob) -> Result<Gene
 }
 
 /// Factors the matrix as it is in the file and takes the changes in by low-rank updates.
-fn updated(job: &SolveJob, a: &GeneralMatrix, changes: &[Change], b: &[f64]) -> Result<Solved, SparseError> {
-    let run = Run::default();
-    let mut system = Updated::new(a.symmetric()?, ORDERINGS[job.ordering as usize].1.clone(), &run)?;
+fn updated(job: &SolveJob, a: &GeneralMatrix, changes: &[Change], b: &[f64], run: &Run) -> Result<Solved, SparseError> {
+    let mut system = Updated::new(a.symmetric()?, ORDERINGS[job.ordering as usize].1.clone(), run)?;
     for (row, sign) in changes {
-        system.add(row, *sign, &run)?;
+        system.add(row, *sign, run)?;
     }
     let mut x = b.to_vec();
     system.solve(&mut x);
     Ok(Solved { x, method: "low-rank update", condition: None, steps: changes.len() })
 }
 
-fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
+fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64], run: &Run) -> Result<Solved, SparseError> {
     let ordering = &ORDERINGS[job.ordering as usize].1;
     let (m, n) = (a.rows(), a.columns());
     let method = match job.method {
@@ -255,9 +276,9 @@ fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, Sparse
         Method::Ldlt => Factorization::Ldlt,
         Method::Lu => Factorization::Lu,
         Method::Qr => Factorization::Qr,
-        Method::Cg | Method::GaussSeidel => return iterated(job.method, a, b),
+        Method::Cg | Method::GaussSeidel => return iterated(job.method, a, b, run),
     };
-    let mut factor = a.factor(method, ordering, &Run::default())?;
+    let mut factor = a.factor(method, ordering, run)?;
     let mut x = factor.solve(b)?;
     let mut steps = 0;
     if m == n && n > 0 {
@@ -275,22 +296,22 @@ fn solved(job: &SolveJob, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, Sparse
     Ok(Solved { x, method: name, condition: factor.condition(a), steps })
 }
 
-fn iterated(method: Method, a: &GeneralMatrix, b: &[f64]) -> Result<Solved, SparseError> {
+fn iterated(method: Method, a: &GeneralMatrix, b: &[f64], run: &Run) -> Result<Solved, SparseError> {
     let a = a.symmetric()?;
-    let (stop, run) = (Stop::default(), Run::default());
+    let stop = Stop::default();
     let mut x = vec![0.0; b.len()];
     let mut steps = 0;
     let columns = b.chunks(a.n().max(1)).zip(x.chunks_mut(a.n().max(1)));
     let method = if method == Method::GaussSeidel {
         let relaxation = GaussSeidel::new(&a)?;
         for (b, x) in columns {
-            steps = steps.max(relaxation.solve(b, x, &stop, &run)?.iterations);
+            steps = steps.max(relaxation.solve(b, x, &stop, run)?.iterations);
         }
         "gauss-seidel"
     } else {
         let mut preconditioner = IncompleteCholesky::new(&a)?;
         for (b, x) in columns {
-            steps = steps.max(conjugate_gradients(&a, b, x, &mut preconditioner, &stop, &run)?.iterations);
+            steps = steps.max(conjugate_gradients(&a, b, x, &mut preconditioner, &stop, run)?.iterations);
         }
         "cg"
     };
@@ -369,12 +390,12 @@ fn words(report: &Json) -> String {
     text
 }
 
-fn draw(path: &Path, structures: &Structures<'_>) -> Result<(), RunError> {
+fn draw(path: &Path, structures: &Structures<'_>, if_exists: IfExists) -> Result<(), RunError> {
     let canvas = picture::draw(structures);
-    let frame = frame_of_rgb(canvas.as_bytes(), canvas.width(), canvas.height()).map_err(|e| cannot(path, &e))?;
+    let frame = frame_of_rgb(canvas.as_bytes(), canvas.width(), canvas.height()).map_err(|e| still_error(path, &e))?;
     let tags = ExifTags::default();
     let photo = Photo { frame, exif: None, tags, icc: None, format: None, warnings: Vec::new() };
     let mut bytes = std::io::Cursor::new(Vec::new());
-    encode(&photo, StillFormat::Png, SaveOptions::default(), &mut bytes).map_err(|e| cannot(path, &e))?;
-    write_whole(path, bytes.get_ref())
+    encode(&photo, StillFormat::Png, SaveOptions::default(), &mut bytes).map_err(|e| still_error(path, &e))?;
+    write_whole(path, bytes.get_ref(), if_exists)
 }

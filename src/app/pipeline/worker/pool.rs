@@ -138,7 +138,7 @@ impl Process {
 
 /// What an end without a reply means for the item.
 fn end_of(status: ExitStatus) -> RunError {
-    let stopped = [Exit::Interrupted, Exit::Terminated].map(|exit| i32::from(exit as u8));
+    let stopped = [Exit::Interrupted, Exit::Terminated, Exit::HungUp].map(|exit| i32::from(exit as u8));
     match (status.code(), signal(status)) {
         (Some(code), _) if stopped.contains(&code) => RunError::Interrupted,
         (Some(code), _) if code == i32::from(Exit::Temporary as u8) => {

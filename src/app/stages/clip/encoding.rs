@@ -19,6 +19,7 @@ use super::stream::{QUEUE, decode};
 use super::summary::{report_file, report_plan};
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::threads::start;
 use crate::stages::context::Context;
 use crate::stages::video_report::Album;
 use crate::stages::{Border, EncodeSettings, RenderSettings, ReportSettings};
@@ -156,12 +157,13 @@ impl Stream<'_, '_> {
         let Self { job, reader, sampler, album } = self;
         let (to_work, decoded) = channel::bounded(QUEUE);
         std::thread::scope(|scope| {
-            let decoder = scope.spawn(move || decode(reader, &to_work));
-            let start = |sink: Sink| {
+            let decoder = start(scope, "decoder", move || decode(reader, &to_work))?;
+            let (mut branches, mut encoders) = (Vec::<Branch>::new(), Vec::new());
+            for sink in sinks {
                 let (queue, pictures) = channel::bounded(QUEUE);
-                (sink.branch(queue), scope.spawn(move || sink.encode(job, &pictures)))
-            };
-            let (branches, encoders): (Vec<Branch>, Vec<_>) = sinks.into_iter().map(start).unzip();
+                branches.push(sink.branch(queue));
+                encoders.push(start(scope, "encoder", move || sink.encode(job, &pictures))?);
+            }
             let worked = work(job, sampler, decoded, &branches, album);
             drop(branches);
             let failed = |name: &str| RunError::Internal(format!("the {name}'s thread failed"));

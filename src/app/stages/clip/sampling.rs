@@ -9,6 +9,7 @@ use super::filling::Filling;
 use super::stream::{QUEUE, hand_on};
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::threads::start;
 use crate::stages::context::Context;
 use crate::stages::{Border, Interpolation, RenderSettings, WarpSettings};
 use plumbline_image::Frame;
@@ -94,13 +95,13 @@ impl<'v> Sampler<'v> {
         let Self { mut maps, drawer, filling } = self;
         let (to_render, mapped) = channel::bounded::<(Frame, Lattice)>(QUEUE);
         std::thread::scope(|scope| {
-            let mapper = scope.spawn(move || {
+            let mapper = start(scope, "mapper", move || {
                 frames.iter().try_for_each(|frame| {
                     job.check_cancel()?;
                     let lattice = maps.next(&frame)?;
                     hand_on(&to_render, (frame, lattice))
                 })
-            });
+            })?;
             let sampled = match filling {
                 Some(filling) => fill_all(&mapped, filling, &drawer, &mut sink),
                 None => render_all(&mapped, &drawer, &mut sink),

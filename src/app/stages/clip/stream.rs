@@ -4,6 +4,7 @@ use crossbeam::channel::{self, Receiver, Sender};
 
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::threads::start;
 use plumbline_image::Frame;
 use plumbline_media::{MediaError, ReadReport, VideoReader};
 
@@ -28,7 +29,7 @@ pub(crate) fn for_each_frame(
 ) -> Result<ReadReport, RunError> {
     let (sender, frames) = channel::bounded(QUEUE);
     std::thread::scope(|scope| {
-        let decoder = scope.spawn(move || decode(reader, &sender));
+        let decoder = start(scope, "decoder", move || decode(reader, &sender))?;
         let worked = work(job, &frames, &mut body);
         drop(frames);
         let report = decoder.join().map_err(|_| RunError::Internal("the decoder's thread failed".to_owned()))?;

@@ -23,7 +23,7 @@ use super::{MeshError, Model, Position};
 use plumbline_num::run::Run;
 
 pub use detect::detect_format;
-pub use write::{WriteOptions, encode_model, losses, write_model, write_model_with};
+pub use write::{WriteOptions, encode_model, losses, write_model, write_model_if, write_model_with};
 
 /// Formats of mesh files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

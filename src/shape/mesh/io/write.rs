@@ -1,11 +1,12 @@
 //! Common parts of the writers: format selection, atomic files, numbers and names.
 
 use std::fmt;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::Path;
 
 use super::{MeshFormat, gltf, obj, off, ply, stl};
 use crate::mesh::{CornerData, MeshError, Model};
+use plumbline_num::files::{IfExists, write_whole};
 use plumbline_num::run::Run;
 
 /// Options of the writers.
@@ -15,7 +16,8 @@ pub struct WriteOptions {
     pub ascii: bool,
 }
 
-/// Writes a model in the format of the file name extension. Atomic: the file is written completely or not at all.
+/// Writes a model in the format of the file name extension. Atomic: the file is written completely or not at all, in place of
+/// one that has the name.
 ///
 /// # Errors
 /// [`MeshError::InFile`] around [`MeshError::UnknownFormat`] or [`MeshError::Unwritable`].
@@ -28,13 +30,27 @@ pub fn write_model(path: &Path, model: &Model) -> Result<(), MeshError> {
 /// # Errors
 /// Those of [`write_model`]; [`MeshError::Interrupted`].
 pub fn write_model_with(path: &Path, model: &Model, options: &WriteOptions, run: &Run) -> Result<(), MeshError> {
+    write_model_if(path, model, options, IfExists::Replace, run)
+}
+
+/// [`write_model_with`], which may be forbidden to replace a file.
+///
+/// # Errors
+/// Those of [`write_model_with`]; [`MeshError::Unwritable`] where the file exists and must stay.
+pub fn write_model_if(
+    path: &Path,
+    model: &Model,
+    options: &WriteOptions,
+    if_exists: IfExists,
+    run: &Run,
+) -> Result<(), MeshError> {
     let write = || {
         let unknown = || MeshError::Unwritable {
             reason: "the name's extension is none of .obj, .ply, .off, .stl, .gltf, .glb".to_owned(),
         };
         let format = MeshFormat::of_name(path).filter(|&f| f != MeshFormat::Medit).ok_or_else(unknown)?;
         let bytes = encode_model(model, format, options, run)?;
-        publish(path, &bytes).map_err(|e| MeshError::Unwritable { reason: e.to_string() })
+        write_whole(path, &bytes, if_exists).map_err(|e| MeshError::Unwritable { reason: e.to_string() })
     };
     write().map_err(|fault: MeshError| fault.of_file(path))
 }
@@ -140,20 +156,6 @@ pub fn losses(model: &Model, format: MeshFormat) -> Vec<&'static str> {
 /// The attribute per vertex, if the corners of each vertex agree.
 pub(super) fn per_vertex<const N: usize>(model: &Model, data: &CornerData<N>) -> Option<Vec<[f64; N]>> {
     data.per_vertex(model.faces().vertices(), model.mesh().vertex_count())
-}
-
-/// Writes the bytes to a temporary file in the folder of the target, then renames it: an atomic replacement.
-fn publish(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".mesh.partial.");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
 }
 
 /// A number in the fewest digits that round-trip, with an exponent below 10⁻⁵ and from 10¹⁶.
