@@ -5,19 +5,28 @@ use std::io::Cursor;
 
 use plumbline::app::pipeline::{Source, print, read};
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
+use plumbline::image::feature::Mask;
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
 use plumbline::num::math::Point2;
 use plumbline::num::run::Run;
 use plumbline::num::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
-use plumbline::shape::character::Extrapolation;
+use plumbline::photo::marks::{FacesFile, LinesFile};
 use plumbline::shape::character::io::{
     Rig, bvh_text, character_of, parse_anim, parse_bvh, parse_skel, parse_tgf, tgf_text,
 };
+use plumbline::shape::character::pose_file::TargetPose;
 use plumbline::shape::character::regression::SkinModel;
+use plumbline::shape::character::skeleton_file::SkeletonFile;
+use plumbline::shape::character::{Character, Extrapolation, Skin, SkinWeights, WeightsFile};
 use plumbline::shape::mesh::io::{MeshFormat, ReadLimits, WriteOptions, decode_model, encode_model};
 use plumbline::shape::mesh::{HalfEdges, RepairOptions, Weld, repair, shapes};
+use plumbline::shape::morph::composition::SeamFile;
+use plumbline::shape::morph::correspondence::Landmarks;
+use plumbline::shape::morph::paint::Paint;
 use plumbline::shape::surface::handle_file::HandleFile;
 use plumbline::video::motion::ClipMotion;
+use plumbline::video::motion::exchange::colmap;
+use plumbline::video::stabilize::PathFile;
 
 /// A motion file of any bytes is refused or read, never a panic; what was read can be written and read again.
 pub fn motion_file(bytes: &[u8]) {
@@ -80,7 +89,7 @@ pub fn still_file(bytes: &[u8]) {
 /// Any bytes as a mesh file: read or refused without a panic. What was read can be repaired, and written in every format that
 /// can hold it and read again.
 fn mesh_file(bytes: &[u8], format: MeshFormat) {
-    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12 };
+    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12, ..ReadLimits::default() };
     let Ok(model) = decode_model(bytes, format, None, &limits, &Run::default()) else { return };
     for weld in [Weld::Exact, Weld::Within(1e-3)] {
         let options = RepairOptions { weld, ..RepairOptions::default() };
@@ -133,7 +142,7 @@ pub fn stl_file(bytes: &[u8]) {
 pub fn gltf_file(bytes: &[u8]) {
     let format = if bytes.starts_with(b"glTF") { MeshFormat::Glb } else { MeshFormat::Gltf };
     mesh_file(bytes, format);
-    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12 };
+    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12, ..ReadLimits::default() };
     let Ok(model) = decode_model(bytes, format, None, &limits, &Run::default()) else { return };
     let Ok(character) = character_of(&model) else { return };
     for clip in &character.clips {
@@ -218,4 +227,159 @@ pub fn handle_file(bytes: &[u8]) {
         }
     }
     assert!(understood.outside.iter().all(|&v| !named[v as usize]));
+}
+
+/// Size of the pictures of the bodies of marks, px.
+const SIZE: (u32, u32) = (640, 480);
+
+/// Marked lines of any bytes: refused or read without a panic. What was read is finite, and is written and read again.
+pub fn lines_file(bytes: &[u8]) {
+    let Ok(file) = LinesFile::parse(&String::from_utf8_lossy(bytes), SIZE) else { return };
+    assert!(file.lines.iter().flat_map(|m| &m.line.points).all(|p| p.x.is_finite() && p.y.is_finite()));
+    let again = LinesFile::parse(&file.to_json(), SIZE).expect("own files are read");
+    assert_eq!(again.lines.len(), file.lines.len());
+}
+
+/// Marked faces of any bytes: as [`lines_file`].
+pub fn faces_file(bytes: &[u8]) {
+    let Ok(file) = FacesFile::parse(&String::from_utf8_lossy(bytes), SIZE) else { return };
+    let again = FacesFile::parse(&file.to_json(), SIZE).expect("own files are read");
+    assert_eq!(again.faces.len(), file.faces.len());
+}
+
+/// A path file of any bytes: refused or read without a panic; its poses at the frames of a clip are finite.
+pub fn path_file(bytes: &[u8]) {
+    let Ok(file) = PathFile::parse(bytes) else { return };
+    for frames in [0, 1, 2, 3, 7] {
+        let times_s: Vec<f64> = (0..frames).map(|k| f64::from(k) / 30.0).collect();
+        let Ok((wanted, input)) = file.at_frames(&times_s) else { continue };
+        for pose in wanted.iter().chain(input) {
+            let numbers = pose.rotation.coords.iter().chain(&pose.translation).all(|v| v.is_finite());
+            assert!(numbers, "{pose:?}");
+        }
+    }
+}
+
+/// A character of two joints on a small plane, with a morph target and a clip.
+fn small_character() -> Character {
+    let rig = parse_bvh(
+        "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nJOINT b\n{\nOFFSET 1 0 0\nCHANNELS 3 \
+         Zrotation Xrotation Yrotation\n}\n}\nMOTION\nFrames: 2\nFrame Time: 0.5\n0 0 0 0 0 0\n0 0 0 90 0 0\n",
+    )
+    .expect("a skeleton");
+    let mesh = shapes::plane(2);
+    let halves: Vec<u32> = mesh.positions().iter().map(|p| u32::from(p.x > 0.5)).collect();
+    let weights = SkinWeights::rigid(2, &halves).expect("two joints");
+    let skin = Skin::bound(weights, &rig.skeleton).expect("of this skeleton");
+    let model = plumbline::shape::mesh::Model::of_mesh(mesh);
+    let mut character = Character::new(model, rig.skeleton, skin.into()).expect("of this mesh");
+    character.clips = rig.clips;
+    character
+}
+
+/// A pose file of any bytes for a small character: refused or read without a panic; its targets are solved or refused.
+pub fn pose_file(bytes: &[u8]) {
+    use plumbline::shape::character::ik::IkMethod;
+    let character = small_character();
+    let Ok(pose) = TargetPose::parse(&String::from_utf8_lossy(bytes), &character) else { return };
+    let Ok(found) = pose.solve(&character, IkMethod::default(), 5, &Run::default()) else { return };
+    let globals = character.skeleton.globals(&found.pose).expect("a pose of this skeleton");
+    assert!(globals.iter().flatten().all(|x| x.is_finite()));
+}
+
+/// A skeleton of any bytes as our own JSON: refused or read without a panic, and restored from its own text.
+pub fn skeleton_file(bytes: &[u8]) {
+    let Ok(file) = SkeletonFile::parse(&String::from_utf8_lossy(bytes)) else { return };
+    assert_eq!(SkeletonFile::parse(&file.to_json()).expect("own files are read"), file);
+}
+
+/// Skinning weights of any bytes: refused or read without a panic, and restored from their own text.
+pub fn weights_file(bytes: &[u8]) {
+    let Ok(file) = WeightsFile::parse(&String::from_utf8_lossy(bytes)) else { return };
+    assert_eq!(WeightsFile::parse(&file.to_json()).expect("own files are read"), file);
+    let one = parse_skel("2\n0 0 0 a root\n1 0 0 b a\n").expect("a skeleton");
+    if let Ok(weights) = file.for_skeleton(&one) {
+        assert_eq!(weights.joint_count(), 2);
+    }
+}
+
+/// Landmarks of any bytes for two small meshes: refused or understood; each names a vertex once.
+pub fn landmarks_file(bytes: &[u8]) {
+    let Ok(landmarks) = Landmarks::parse(&String::from_utf8_lossy(bytes)) else { return };
+    let (first, second) = (shapes::plane(2), shapes::icosphere(1));
+    let Ok(pairs) = landmarks.vertices(&first, &second) else { return };
+    for (a, b) in pairs {
+        assert!((a as usize) < first.vertex_count() && (b as usize) < second.vertex_count());
+    }
+}
+
+/// Painted times of any bytes for a small mesh: refused or understood; times are 0 to 1.
+pub fn paint_file(bytes: &[u8]) {
+    let Ok(paint) = Paint::parse(&String::from_utf8_lossy(bytes)) else { return };
+    let mesh = shapes::plane(2);
+    let Ok(times) = paint.of_mesh(&mesh) else { return };
+    assert_eq!(times.len(), mesh.vertex_count());
+    assert!(times.iter().flatten().all(|t| (0.0..=1.0).contains(t)));
+}
+
+/// A file of seams of any bytes for two small meshes: refused or understood without a panic.
+pub fn seam_file(bytes: &[u8]) {
+    let Ok(file) = SeamFile::parse(&String::from_utf8_lossy(bytes)) else { return };
+    let Ok(options) = file.of_meshes(&shapes::plane(2), &shapes::icosphere(1)) else { return };
+    assert!((1..=1000).contains(&options.band));
+}
+
+/// What separates the three files of a COLMAP model in one input.
+pub const SEPARATOR: &[u8] = b"~~~~";
+
+fn colmap_model(bytes: &[u8], read: fn([&[u8]; 3]) -> Result<colmap::Model, colmap::ColmapError>, extension: &str) {
+    let at = |bytes: &[u8]| bytes.windows(SEPARATOR.len()).position(|w| w == SEPARATOR);
+    let split = |bytes: &'_ [u8]| at(bytes).map_or((bytes.len(), bytes.len()), |k| (k, k + SEPARATOR.len()));
+    let (end, next) = split(bytes);
+    let (cameras, rest) = (&bytes[..end], &bytes[next..]);
+    let (end, next) = split(rest);
+    let Ok(model) = read([cameras, &rest[..end], &rest[next..]]) else { return };
+    let written: Vec<Vec<u8>> = colmap::FILES
+        .iter()
+        .filter(|(name, _)| name.ends_with(extension))
+        .map(|(_, write)| {
+            let mut out = Vec::new();
+            write(&model, &mut out).expect("memory");
+            out
+        })
+        .collect();
+    // A name of an image with a line break is no name in the text form.
+    let names = model
+        .images
+        .iter()
+        .all(|i| i.name.trim() == i.name && !i.name.is_empty() && !i.name.contains(['\n', '\0', '\u{fffd}']));
+    if names {
+        let again = read([&written[0], &written[1], &written[2]]).expect("own files are read");
+        assert_eq!((again.images.len(), again.points.len()), (model.images.len(), model.points.len()));
+    }
+    for frames in [1, 2, 5] {
+        if let Ok(clip) = colmap::ImportedClip::new(std::slice::from_ref(&model), frames, SIZE) {
+            assert_eq!(clip.tracks.len(), frames);
+        }
+    }
+}
+
+/// A COLMAP model of any bytes as text, its three files separated by [`SEPARATOR`]: refused or read without a panic, written and read
+/// again, and assigned to a clip or refused.
+pub fn colmap_text(bytes: &[u8]) {
+    colmap_model(bytes, colmap::Model::from_text, ".txt");
+}
+
+/// [`colmap_text`] in the binary form.
+pub fn colmap_binary(bytes: &[u8]) {
+    colmap_model(bytes, colmap::Model::from_binary, ".bin");
+}
+
+/// A mask of any bytes: refused or read without a panic; a mask covers less than the whole picture.
+pub fn mask_file(bytes: &[u8]) {
+    if let Ok(mask) = Mask::decode(bytes, 64, 36, 3) {
+        let plane = mask.plane();
+        assert_eq!((plane.width(), plane.height()), (64, 36));
+        assert!((0..36).any(|y| plane.row(y).contains(&0)));
+    }
 }

@@ -9,7 +9,7 @@
 //! | [`energy`] | quadratic energies: constrained Laplacians, refilled and bordered least squares; robust losses, convergence |
 //! | [`optim`] | Newton's method, Levenberg–Marquardt, quadratic programs, eigenpairs (Lanczos), RANSAC |
 //! | [`run`], [`options`] | interrupt, progress and budget of long calls; options out of their range |
-//! | [`files`], [`limits`] | files that appear once they are whole; limits of the process |
+//! | [`files`], [`limits`] | regular files, files that another file names, files that appear once they are whole; limits of the process |
 //! | [`document`] | our versioned JSON documents; glTF and GLB |
 
 pub mod document;

@@ -19,6 +19,8 @@ use plumbline::video::track::{FrameQuality, FrameTracks, Observation, TrackStore
 
 /// Mutated inputs for each target.
 const ROUNDS: usize = 30_000;
+/// Mutated inputs for the side files: their parsers share most of their code, and the smoke test of all targets is to stay near 20 s.
+const FEW_ROUNDS: usize = 5_000;
 
 /// Pieces that get further into a parser than single bytes do.
 const WORDS: [&str; 28] = [
@@ -85,11 +87,18 @@ fn mutated(examples: &[Vec<u8>], random: &mut fastrand::Rng) -> Vec<u8> {
 
 /// Runs `body` on the examples and on their mutants.
 fn hammer(examples: &[Vec<u8>], body: fn(&[u8]), seed: u64) {
+    hammer_times(ROUNDS, examples, body, seed);
+}
+
+/// [`hammer`] with a number of mutants. `PLUMBLINE_ROUNDS` overrides it, for longer runs.
+fn hammer_times(rounds: usize, examples: &[Vec<u8>], body: fn(&[u8]), seed: u64) {
+    let asked = std::env::var("PLUMBLINE_ROUNDS").ok().and_then(|n| n.parse().ok());
+    let rounds = asked.unwrap_or(rounds);
     let mut random = fastrand::Rng::with_seed(seed);
     for example in examples {
         body(example);
     }
-    for round in 0..ROUNDS {
+    for round in 0..rounds {
         let bytes = mutated(examples, &mut random);
         let ran = std::panic::catch_unwind(|| body(&bytes));
         assert!(ran.is_ok(), "round {round} panicked on:\n{}", String::from_utf8_lossy(&bytes));
@@ -324,4 +333,125 @@ fn no_file_of_handles_makes_the_reader_panic() {
             0.5]}}]}}, {"vertices": {"intersection": [{"sphere": {"center": [0, 0, 0], "radius": 0.2}}, {"indices": [0]}]}}]}"#,
     ];
     hammer(&examples.map(|text| text.as_bytes().to_vec()), bodies::handle_file, 22);
+}
+
+/// Hammers a body with texts.
+fn hammer_texts(examples: &[&str], body: fn(&[u8]), seed: u64) {
+    let examples: Vec<Vec<u8>> = examples.iter().map(|text| text.as_bytes().to_vec()).collect();
+    hammer_times(FEW_ROUNDS, &examples, body, seed);
+}
+
+#[test]
+fn no_file_of_marks_makes_the_reader_panic() {
+    let lines = [
+        r#"{"format": "plumbline.lines", "version": 1, "pixel_center": 0.5, "source": {"width": 640, "height": 480}, "lines": [
+            {"name": "edge", "points": [[10, 20], [300, 25.5], [600, 30]], "orientation": "horizontal"},
+            {"points": [[50, 400], [52, 40]], "orientation": "vertical", "off": true}]}"#,
+        r#"[{"id": 3, "points": [[1, 2], [630, 470]]}, {"name": "b", "points": [[5, 5], [6, 400]], "orientation": "v"}]"#,
+    ];
+    hammer_texts(&lines, bodies::lines_file, 40);
+    let faces = [
+        r#"{"format": "plumbline.faces", "version": 1, "source": {"width": 640, "height": 480}, "faces": [
+            {"name": "left", "x": 10, "y": 20.5, "w": 100, "h": 120}, {"x": 300, "y": 200, "w": 50, "h": 60, "off": true}]}"#,
+        r#"[{"id": 1, "x": 1, "y": 2, "w": 30, "h": 40}]"#,
+    ];
+    hammer_texts(&faces, bodies::faces_file, 41);
+}
+
+#[test]
+fn no_path_file_makes_the_reader_panic() {
+    let examples = [
+        r#"{"wanted": [{"q": [1, 0, 0, 0], "t": [0, 0, 0]}, {"q": [0.6, 0, 0.8, 0], "t": [1, 2, 3]}],
+            "input": [{"R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 0.5]}, {"q": [1, 0, 0, 0], "t": [0, 0, 1]}]}"#,
+        r#"{"stable": [{"time_s": 0, "q": [1, 0, 0, 0], "t": [0, 0, 0]}, {"time_s": 0.1, "q": [0, 1, 0, 0], "t": [1e3, 0, 0]}],
+            "shaky": [{"q": [1, 0, 0, 0], "t": [0, 0, 0]}]}"#,
+    ];
+    hammer_texts(&examples, bodies::path_file, 42);
+}
+
+#[test]
+fn no_file_of_a_character_makes_a_reader_panic() {
+    let poses = [
+        r#"{"format": "plumbline.pose", "version": 1, "from": {"clip": "motion", "time": 0.25},
+            "joints": {"b": {"turn_deg": [0, 0, 45]}, "a": {"rotation": [1, 0, 0, 0], "translation": [0, 0.1, 0]}}}"#,
+        r#"{"format": "plumbline.pose", "version": 1, "targets": [{"joint": "b", "position": [0.5, 0.5, 0]}], "locked": ["a"]}"#,
+    ];
+    hammer_texts(&poses, bodies::pose_file, 43);
+    let skeletons = [
+        r#"{"format": "plumbline.skeleton", "version": 1, "joints": [{"name": "hip", "translation": [0, 1, 0]},
+            {"name": "knee", "parent": "hip", "translation": [0, -0.5, 0], "rotation": [1, 0, 0, 0]}],
+            "curve": {"nodes": [[0, 1, 0], [0, 0.5, 0]], "edges": [[0, 1]], "radius": [0.1, 0.2], "node_of_vertex": [0, 1, 1]}}"#,
+        r#"{"format": "plumbline.skeleton", "version": 1, "joints": [{"name": "a"}]}"#,
+    ];
+    hammer_texts(&skeletons, bodies::skeleton_file, 44);
+    let weights = [r#"{"format": "plumbline.weights", "version": 1, "joints": ["a", "b"],
+        "rows": [[0, 1], [1, 0.7, 0, 0.3], [1, 1]]}"#];
+    hammer_texts(&weights, bodies::weights_file, 45);
+}
+
+#[test]
+fn no_file_of_a_morph_makes_a_reader_panic() {
+    let landmarks = [
+        r#"{"format": "plumbline.landmarks", "version": 1, "pairs": [[0, 1], [[0, 0, 0], 4], [3, [1, 0, 0]]]}"#,
+        "2\n0 1\n2 3\n",
+        "# marks\nmarkers:\n0: 1\n2: 3\n",
+    ];
+    hammer_texts(&landmarks, bodies::landmarks_file, 46);
+    let paint = [r#"{"format": "plumbline.paint", "version": 1, "elsewhere": 0.5, "paint": [
+        {"time": 0, "half_space": {"point": [0, 0, -0.5], "normal": [0, 0, -1]}},
+        {"time": 1, "sphere": {"center": [0, 0, 1], "radius": 0.6}}, {"time": 0.25, "vertices": [0, [1, 0, 0]]}]}"#];
+    hammer_texts(&paint, bodies::paint_file, 47);
+    let seams = [
+        r#"{"format": "plumbline.seam", "version": 1, "base": {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},
+            "part": {"loop": {"vertices": [0, 1, [0, 0, 1]], "keep": 5}}, "landmarks": [[0, 1]], "band": 4}"#,
+        r#"{"format": "plumbline.seam", "version": 1, "base": {"boundary": [0, 0, 0]},
+            "part": {"lasso": {"vertices": [1, 2, 3], "keep": [0, 1, 0]}}}"#,
+    ];
+    hammer_texts(&seams, bodies::seam_file, 48);
+}
+
+#[test]
+fn no_colmap_model_makes_the_reader_panic() {
+    use plumbline::camera::{CameraPose, Intrinsics, Point3};
+    use plumbline::num::math::Point2;
+    use plumbline::video::motion::exchange::colmap::{Camera, FILES, Image, ImageObservation, Model as Colmap, Point};
+    let intrinsics = Intrinsics { focal: 500.0, center: Point2::new(320.0, 240.0), k1: 0.01 };
+    let image = |id: u32| Image {
+        id,
+        camera: 1,
+        name: format!("frame_{id:06}.png"),
+        pose: CameraPose::identity(),
+        observations: vec![
+            ImageObservation { at: Point2::new(10.5, 20.25), point: Some(7) },
+            ImageObservation { at: Point2::new(100.0, 200.0), point: None },
+        ],
+    };
+    let point = Point { id: 7, position: Point3::new(0.0, 0.1, 2.0), error_px: 0.5, track: vec![(0, 0), (1, 0)] };
+    let camera = Camera { id: 1, width: 640, height: 480, intrinsics };
+    let model = Colmap { cameras: vec![camera], images: vec![image(0), image(1)], points: vec![point] };
+    for (extension, body, seed) in
+        [(".txt", bodies::colmap_text as fn(&[u8]), 49), (".bin", bodies::colmap_binary as fn(&[u8]), 50)]
+    {
+        let mut files = Vec::new();
+        for (_, write) in FILES.iter().filter(|(name, _)| name.ends_with(extension)) {
+            let mut bytes = Vec::new();
+            write(&model, &mut bytes).expect("memory");
+            files.push(bytes);
+        }
+        hammer_times(FEW_ROUNDS, &[files.join(bodies::SEPARATOR)], body, seed);
+    }
+}
+
+#[test]
+fn no_mask_makes_the_reader_panic() {
+    let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| if i % 72 < 36 { 255 } else { 0 }).collect();
+    let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
+    let photo = Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let file = |format| {
+        let mut out = Cursor::new(Vec::new());
+        encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");
+        out.into_inner()
+    };
+    let formats = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
+    hammer_times(FEW_ROUNDS, &formats.map(file), bodies::mask_file, 51);
 }

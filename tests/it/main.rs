@@ -10,6 +10,7 @@ mod exchange;
 mod failure;
 mod faults;
 mod fuzz;
+mod hostile_files;
 mod house;
 mod in_space;
 mod interruption;

@@ -30,6 +30,9 @@ pub(super) struct JobArgs {
     /// Threads for the whole run; 0 = all processors
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=512))]
     threads: u32,
+    /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
+    #[arg(long = "allow-path", value_name = "DIR")]
+    allow_paths: Vec<PathBuf>,
     /// Form of the progress messages
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
     progress: ProgressMode,
@@ -60,7 +63,12 @@ impl<A: Args + BuildsPipeline> JobCommand<A> {
 impl JobArgs {
     /// The pipeline of a command, and how it runs.
     pub(super) fn complete(&self, command: &dyn BuildsPipeline) -> Result<PipelineFile, Failure> {
-        let run = RunSettings { threads: self.threads, overwrite: self.overwrite, progress: self.progress };
+        let run = RunSettings {
+            threads: self.threads,
+            overwrite: self.overwrite,
+            progress: self.progress,
+            allow_paths: self.allow_paths.iter().map(|folder| literal_path(folder)).collect(),
+        };
         Ok(PipelineFile { run: entries_of(&run, &RunSettings::default()), ..command.pipeline()? })
     }
 }

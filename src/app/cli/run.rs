@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use clap::Args;
@@ -28,6 +28,9 @@ pub(super) struct RunArgs {
     /// Replace existing files
     #[arg(short = 'y', visible_short_alias = 'f', long)]
     overwrite: bool,
+    /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
+    #[arg(long = "allow-path", value_name = "DIR")]
+    allow_paths: Vec<PathBuf>,
     /// Form of the progress messages
     #[arg(long, value_enum, value_name = "HOW")]
     progress: Option<ProgressMode>,
@@ -44,6 +47,8 @@ impl RunArgs {
         self.pipeline.set.extend([jobs, threads, overwrite].into_iter().flatten());
         let mut pipeline = self.pipeline.read()?;
         pipeline.run.progress = self.progress.unwrap_or(pipeline.run.progress);
+        let allowed = self.allow_paths.iter().map(|folder| folder.to_string_lossy().into_owned());
+        pipeline.run.allow_paths.extend(allowed);
         if self.print_pipeline {
             print(&file_text(&pipeline.file));
             return Ok(Exit::Done);

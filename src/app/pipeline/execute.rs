@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::batch::Instance;
 use super::check::Pipeline;
-use super::job::{ArtifactStore, Job, StageRunner};
+use super::job::{ArtifactStore, Job, JobOptions, StageRunner};
 use super::options::{BatchSettings, OnError, RunSettings};
 use super::progress::{Event, Progress, TaskProgress};
 use super::run_error::{Exit, RunError};
@@ -205,12 +205,16 @@ impl Executor<'_> {
 
     fn try_item(&self, instance: &Instance, worker: Option<&mut Worker<'_>>) -> Result<Summary, RunError> {
         self.check_targets(instance)?;
-        let (threads, overwrite) = (self.threads, self.run.overwrite);
+        let options = JobOptions {
+            threads: self.threads,
+            overwrite: self.run.overwrite,
+            allow_paths: self.run.allowed_folders(),
+        };
         if let Some(worker) = worker.filter(|_| !uses_standard_streams(instance)) {
             if self.cancel.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);
             }
-            let result = worker.run(&Order::of(instance, threads, overwrite), &instance.key, self.progress);
+            let result = worker.run(&Order::of(instance, options), &instance.key, self.progress);
             if result.is_err() {
                 // A worker that crashed took nothing along.
                 instance.outputs().iter().for_each(|path| AtomicFile::remove_leftovers(path));
@@ -218,7 +222,7 @@ impl Executor<'_> {
             return result;
         }
         let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
-        do_work(&Job { instance, threads, overwrite, progress: &progress, cancel: self.cancel }, self.backend)
+        do_work(&Job::new(instance, &options, &progress, self.cancel), self.backend)
     }
 
     /// Refuses existing files and makes missing folders before any work is done.

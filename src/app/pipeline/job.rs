@@ -2,8 +2,11 @@
 
 use std::any::Any;
 use std::collections::HashMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde::{Deserialize, Serialize};
 
 use super::batch::Instance;
 use super::graph::{Edge, Graph};
@@ -14,6 +17,7 @@ use super::run_error::RunError;
 use super::summary::Summary;
 use plumbline_num::files::{AtomicFile, IfExists};
 use plumbline_num::run::{Interrupt, Run};
+use plumbline_shape::mesh::ReadLimits;
 
 /// One instance at work.
 pub struct Job<'a> {
@@ -23,10 +27,36 @@ pub struct Job<'a> {
     pub threads: usize,
     /// Existing files may be replaced.
     pub overwrite: bool,
+    /// Folders of files that an input may name, besides its own.
+    pub allow_paths: &'a [PathBuf],
     /// Where to report frames done.
     pub progress: &'a TaskProgress<'a>,
     /// Set when the user stops the run: look at it once per frame.
     pub cancel: &'a Arc<AtomicBool>,
+}
+
+/// What a run asks of each of its jobs.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JobOptions {
+    /// See [`Job::threads`].
+    pub threads: usize,
+    /// See [`Job::overwrite`].
+    pub overwrite: bool,
+    /// See [`Job::allow_paths`].
+    pub allow_paths: Vec<PathBuf>,
+}
+
+impl<'a> Job<'a> {
+    /// The work of an instance.
+    pub fn new(
+        instance: &'a Instance,
+        options: &'a JobOptions,
+        progress: &'a TaskProgress<'a>,
+        cancel: &'a Arc<AtomicBool>,
+    ) -> Self {
+        let JobOptions { threads, overwrite, ref allow_paths } = *options;
+        Self { instance, threads, overwrite, allow_paths, progress, cancel }
+    }
 }
 
 impl Job<'_> {
@@ -44,6 +74,12 @@ impl Job<'_> {
     /// What happens to files that have the name of a result.
     pub fn if_exists(&self) -> IfExists {
         IfExists::overwrite(self.overwrite)
+    }
+
+    /// Limits of the readers of meshes and skeletons.
+    #[must_use]
+    pub fn read_limits(&self) -> ReadLimits {
+        ReadLimits { allow_paths: self.allow_paths.to_vec(), ..ReadLimits::default() }
     }
 
     /// Call once per frame.

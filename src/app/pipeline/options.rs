@@ -32,6 +32,9 @@ pub struct RunSettings {
     pub overwrite: bool,
     /// How progress is reported
     pub progress: ProgressMode,
+    /// Folders of files that an input may name, such as the buffers of a glTF file, besides the folder of the input itself
+    #[schemars(extend("format" = "path"))]
+    pub allow_paths: Vec<String>,
 }
 
 impl RunSettings {
@@ -43,6 +46,11 @@ impl RunSettings {
             0 => processors,
             n => (n as usize).min((4 * processors).max(64)),
         }
+    }
+
+    /// Folders of files that an input may name, besides its own.
+    pub fn allowed_folders(&self) -> Vec<PathBuf> {
+        self.allow_paths.iter().map(PathBuf::from).collect()
     }
 }
 

@@ -42,7 +42,7 @@ impl Stage for MeshLoadSettings {
 
     fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let path = Path::new(&self.path);
-        let limits = ReadLimits { max_bytes: self.max_bytes.0, ..ReadLimits::default() };
+        let limits = ReadLimits { max_bytes: self.max_bytes.0, ..context.job.read_limits() };
         let model = read_model(path, &limits, &context.job.run()).map_err(|e| mesh_error(path, &e))?;
         for warning in model.warnings() {
             context.warn(format!("{}: {warning}", path.display()));

@@ -228,7 +228,12 @@ fn skeleton_marks(path: &Path, size: (usize, usize)) -> Result<Vec<Mark>, RunErr
         let read = SkeletonFile::read(path).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
         (read.skeleton, read.curve)
     } else {
-        (read_rig(path).map_err(|e| RunError::Input(e.to_string()))?.skeleton, None)
+        (
+            read_rig(path, &context.job.read_limits(), &context.job.run())
+                .map_err(|e| RunError::Input(e.to_string()))?
+                .skeleton,
+            None,
+        )
     };
     let joints = skeleton.rest_positions();
     let numbered = skeleton.joints().iter().zip(0..);

@@ -314,7 +314,14 @@ mod tests {
         let instance = Instance { key: "alone".to_owned(), item: None, graph, plan };
         let progress = TaskProgress::new(&Silent, "alone", 1);
         let cancel = Arc::new(AtomicBool::new(false));
-        let job = Job { instance: &instance, threads: 1, overwrite: false, progress: &progress, cancel: &cancel };
+        let job = Job {
+            instance: &instance,
+            threads: 1,
+            overwrite: false,
+            allow_paths: &[],
+            progress: &progress,
+            cancel: &cancel,
+        };
         let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
         let pass = &instance.plan.passes[0];
         run_stage(&mut Context { job: &job, pass, values: &mut values, summary: &mut summary, at: 0 }, 0)

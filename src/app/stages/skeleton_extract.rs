@@ -139,7 +139,8 @@ fn fitted(
     curve: &CurveSkeleton,
     report: &ExtractionReport,
 ) -> Result<Rig, RunError> {
-    let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
+    let rig =
+        read_rig(path, &context.job.read_limits(), &context.job.run()).map_err(|e| RunError::Input(e.to_string()))?;
     rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
     let mesh = context.summary.surface.as_ref().map_or_else(|| "the mesh".to_owned(), |s| s.name.clone());
     // The template fitted to the curve.

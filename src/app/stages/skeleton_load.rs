@@ -30,7 +30,8 @@ impl Stage for SkeletonLoadSettings {
 
     fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let path = Path::new(&self.path);
-        let rig = read_rig(path).map_err(|e| RunError::Input(e.to_string()))?;
+        let rig = read_rig(path, &context.job.read_limits(), &context.job.run())
+            .map_err(|e| RunError::Input(e.to_string()))?;
         rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
         Ok((Arc::new(rig),))
     }

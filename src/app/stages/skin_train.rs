@@ -21,7 +21,7 @@ use plumbline_shape::character::regression::{
 };
 use plumbline_shape::character::weights::WeightMethod;
 use plumbline_shape::character::{Character, CharacterError, RigFileError, Skeleton, Skin, SkinWeights};
-use plumbline_shape::mesh::{Model, ReadLimits, TriMesh, read_model};
+use plumbline_shape::mesh::{Model, TriMesh, read_model};
 
 /// Settings of `skin.train`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -89,10 +89,8 @@ impl Stage for SkinTrainSettings {
         // The examples, and those for validation.
         let (kept, validation) = files(self)?;
         let subject = subject(context, &posed, rig.as_deref(), self)?;
-        let (kept, validation) = (
-            examples(&subject, &kept, self, &context.job.run())?,
-            examples(&subject, &validation, self, &context.job.run())?,
-        );
+        let (kept, validation) =
+            (examples(&subject, &kept, self, context)?, examples(&subject, &validation, self, context)?);
         context.job.check_cancel()?;
         let examples: Vec<Example> = kept.iter().map(|e| e.example.clone()).collect();
         let (mesh, skeleton) = (subject.model.mesh(), &subject.skeleton);
@@ -244,11 +242,12 @@ fn examples(
     subject: &Subject,
     files: &[PathBuf],
     settings: &SkinTrainSettings,
-    run: &Run,
+    context: &Context<'_, '_>,
 ) -> Result<Vec<Named>, RunError> {
+    let (limits, run) = (context.job.read_limits(), &context.job.run());
     let (mut read, mut faults) = (Vec::with_capacity(files.len()), Vec::new());
     for file in files {
-        let model = read_model(file, &ReadLimits::default(), run).map_err(|e| mesh_error(file, &e))?;
+        let model = read_model(file, &limits, run).map_err(|e| mesh_error(file, &e))?;
         match other(&subject.model, &model).or_else(|| of_other_size(subject.model.mesh(), model.mesh())) {
             Some(fault) => faults.push(format!("{}: {fault}", file.display())),
             None => read.push((file, model.mesh().positions().to_vec())),

@@ -7,14 +7,18 @@
 //! M'(x) = max { M(x + d) : |d|_∞ ≤ r }.
 //! ```
 
+use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use image::{ImageReader, Limits};
 use kornia_image::{Image, ImageError, ImageSize};
 use kornia_imgproc::morphology::{Kernel, KernelShape, dilate};
 use kornia_imgproc::padding::PaddingMode;
 
 use super::FeatureError;
 use crate::{Plane, PlaneRef};
+use plumbline_num::files::open_regular;
 
 /// A mask of the analysis picture: nonzero where no point may lie.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +29,12 @@ pub struct Mask {
 /// Largest fraction of the picture that a mask may cover, %: beyond it the few remaining points do not determine the
 /// camera's motion.
 const MAX_COVERED_PERCENT: f64 = 98.0;
+
+/// What to give as a mask.
+const REMEDY: &str = "give a PNG or JPEG that is white where tracking must not look";
+
+/// Most memory of a decoded mask, bytes: 8K in color. It guards against small files that announce a huge picture.
+const MAX_DECODED: u64 = 150 << 20;
 
 impl Mask {
     /// A mask from a plane of any size that covers the picture: samples of 128 and above are masked.
@@ -57,15 +67,21 @@ impl Mask {
     /// A mask from an image file, white where tracking must not look.
     ///
     /// # Errors
-    /// [`FeatureError::Input`] where the file is missing or no image; otherwise as [`Self::from_plane`].
+    /// [`FeatureError::Input`] where the file is missing, no regular file or no image; otherwise as [`Self::from_plane`].
     pub fn open(path: &Path, width: usize, height: usize, radius_px: usize) -> Result<Self, FeatureError> {
-        let remedy = "give a PNG or JPEG that is white where tracking must not look";
-        let unreadable = |e| FeatureError::Input(format!("cannot read the mask {}: {e}; {remedy}", path.display()));
-        let drawn = image::open(path).map_err(unreadable)?.into_luma8();
-        let (w, h) = (drawn.width() as usize, drawn.height() as usize);
-        let samples = drawn.into_raw();
-        let plane = PlaneRef::new(&samples, w, h, w).expect("the decoder fills width × height samples");
-        Self::from_plane(plane, width, height, radius_px)
+        let file = open_regular(path).map_err(|e| e.to_string());
+        let drawn = file.and_then(|file| decoded(BufReader::new(file)));
+        let unreadable = |e| FeatureError::Input(format!("cannot read the mask {}: {e}; {REMEDY}", path.display()));
+        Self::from_plane(drawn.map_err(unreadable)?.as_ref(), width, height, radius_px)
+    }
+
+    /// A mask from an image in memory, as [`Self::open`].
+    ///
+    /// # Errors
+    /// [`FeatureError::Input`] where it is no image, or one that is too large; otherwise as [`Self::from_plane`].
+    pub fn decode(bytes: &[u8], width: usize, height: usize, radius_px: usize) -> Result<Self, FeatureError> {
+        let unreadable = |e| FeatureError::Input(format!("cannot read the mask: {e}; {REMEDY}"));
+        Self::from_plane(decoded(Cursor::new(bytes)).map_err(unreadable)?.as_ref(), width, height, radius_px)
     }
 
     /// True where no point may lie; everything outside the picture is masked.
@@ -78,6 +94,20 @@ impl Mask {
     pub fn plane(&self) -> PlaneRef<'_, u8> {
         self.plane.as_ref()
     }
+}
+
+/// The brightness of an image.
+fn decoded(file: impl BufRead + Seek) -> Result<Plane<u8>, String> {
+    let mut reader = ImageReader::new(file).with_guessed_format().map_err(|e| e.to_string())?;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_DECODED);
+    reader.limits(limits);
+    // Decoders are other people's code over hostile bytes: a panic there is a damaged file, not the end of the run.
+    let drawn = catch_unwind(AssertUnwindSafe(|| reader.decode())).map_err(|_| "its decoder gave up".to_owned())?;
+    let drawn = drawn.map_err(|e| e.to_string())?.into_luma8();
+    let (width, height) = (drawn.width() as usize, drawn.height() as usize);
+    let samples = drawn.into_raw();
+    Ok(Plane::from_fn(width, height, |x, y| samples[y * width + x]))
 }
 
 /// Dilation by a square of `2·radius + 1`, as a row and a column.

@@ -6,12 +6,9 @@ use std::io;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StillError {
-    /// The input is at fault, or the disk.
+    /// The input is at fault (a folder, a pipe, a device among them), or the disk.
     #[error("cannot be read: {0}")]
     Read(#[source] io::Error),
-    /// The input is at fault: a folder, a pipe, a device.
-    #[error("is not a file; give the path of a picture")]
-    NotAFile,
     /// The input is at fault: not a picture of a kind that is read.
     #[error("{found} is not read here; convert it to PNG, TIFF or JPEG first")]
     Unknown {

@@ -15,6 +15,7 @@ use super::packed::unpack;
 use super::sniff::{HEAD, refuse_raw_name, sniff};
 use super::{ExifOrientation, ExifTags, Photo, StillError, StillFormat, exif, jpeg, tiff};
 use crate::{Layout, PixelFormat};
+use plumbline_num::files::open_regular;
 
 /// Memory beyond the pixels that a decoder may take, bytes: rows, tables, metadata.
 const SPARE: u64 = 64 << 20;
@@ -68,15 +69,13 @@ pub fn size(path: &Path, options: LoadOptions) -> Result<(usize, usize), StillEr
 }
 
 fn open(path: &Path, options: LoadOptions) -> Result<BufReader<File>, StillError> {
-    let meta = std::fs::metadata(path).map_err(StillError::Read)?;
-    if !meta.is_file() {
-        return Err(StillError::NotAFile);
-    }
+    let file = open_regular(path).map_err(StillError::Read)?;
     refuse_raw_name(path)?;
-    if meta.len() > options.most_bytes() {
-        return Err(StillError::TooLong { bytes: meta.len(), limit: options.max_pixels });
+    let bytes = file.metadata().map_err(StillError::Read)?.len();
+    if bytes > options.most_bytes() {
+        return Err(StillError::TooLong { bytes, limit: options.max_pixels });
     }
-    Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(StillError::Read)?))
+    Ok(BufReader::with_capacity(1 << 16, file))
 }
 
 /// Reads a picture from memory or an open file.

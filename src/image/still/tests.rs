@@ -277,7 +277,8 @@ fn crc32(bytes: &[u8]) -> u32 {
 fn paths_that_are_no_files_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let options = LoadOptions::default();
-    assert!(matches!(load(folder.path(), options), Err(StillError::NotAFile)));
+    let message = load(folder.path(), options).expect_err("a folder").to_string();
+    assert!(message.starts_with("cannot be read: a folder, not a regular file"), "{message}");
     assert!(matches!(load(&folder.path().join("none.png"), options), Err(StillError::Read(_))));
     let raw = folder.path().join("a.NEF");
     std::fs::write(&raw, b"II*\0").expect("a small file");

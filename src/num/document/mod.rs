@@ -8,13 +8,16 @@
 //! the content, so that a file of another kind or of a newer program is distinguished from one that is malformed.
 
 pub mod gltf;
+mod size;
 
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+
+use crate::files::open_regular;
+pub use size::{JsonCosts, ValueWithin};
 
 /// The one version of every kind that is read and written.
 pub const VERSION: u32 = 1;
@@ -70,6 +73,18 @@ pub enum DocumentError {
         /// The largest that is read.
         most: u64,
     },
+    /// Input: so many values that they would need far more memory than the file has bytes.
+    #[error(
+        "{bytes} bytes in memory for the values of a text of {length} bytes are too many for {name}: is this the right file?"
+    )]
+    TooManyValues {
+        /// What the file should be.
+        name: &'static str,
+        /// Bound on the memory of the values, bytes.
+        bytes: u64,
+        /// Bytes of the text.
+        length: usize,
+    },
     /// Environment: reading failed.
     #[error("{fault}")]
     Io {
@@ -120,10 +135,16 @@ impl Kind {
     /// Reads a text; a byte order mark before it is passed over.
     ///
     /// # Errors
-    /// [`DocumentError::Syntax`], [`DocumentError::Format`], [`DocumentError::Version`].
+    /// [`DocumentError::Syntax`], [`DocumentError::Format`], [`DocumentError::Version`], [`DocumentError::TooManyValues`].
     pub fn parse<D: DeserializeOwned>(&self, text: &str) -> Result<D, DocumentError> {
         let text = text.trim_start_matches('\u{feff}');
         self.check_header(serde_json::from_str(text))?;
+        let (name, length) = (self.name, text.len());
+        JsonCosts::OF_STRUCTS.check(text.as_bytes(), length as u64).map_err(|bytes| DocumentError::TooManyValues {
+            name,
+            bytes,
+            length,
+        })?;
         serde_json::from_str(text).map_err(|e| self.syntax(e))
     }
 
@@ -150,7 +171,7 @@ impl Kind {
 
     /// A file of bearable size, also where it grows.
     fn open(&self, path: &Path) -> Result<impl Read, DocumentError> {
-        let file = File::open(path).map_err(|e| self.io(e))?;
+        let file = open_regular(path).map_err(|e| self.io(e))?;
         self.check_size(file.metadata().map_err(|e| self.io(e))?.len())?;
         Ok(file.take(self.max_bytes))
     }
@@ -172,13 +193,13 @@ impl Kind {
     }
 }
 
-/// The bytes of a file of at most `max_bytes`; also of one that grows, and of a device without end.
+/// The bytes of a regular file of at most `max_bytes`, also of one that grows.
 ///
 /// # Errors
 /// The file cannot be read, or is larger.
 pub fn read_bounded(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    open_regular(path)?.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > max_bytes {
         return Err(io::Error::other(format!("larger than {max_bytes} bytes")));
     }
@@ -204,7 +225,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_read_up_to_their_limit_and_devices_without_end_are_refused() {
+    fn files_are_read_up_to_their_limit_and_devices_are_refused() {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");
         let bytes = std::fs::read(&manifest).expect("the manifest");
         assert_eq!(read_bounded(&manifest, bytes.len() as u64).expect("as large as allowed"), bytes);

@@ -1,7 +1,9 @@
-//! Files that appear under their names once they are whole, and what the disk under them has room for.
+//! Files of others, opened with care; files of our own, which appear under their names once they are whole.
 //!
 //! | | |
 //! | --- | --- |
+//! | [`open_regular`] | a regular file, and never a pipe, a socket or a device |
+//! | [`FileAccess`] | files that another file names, confined to folders |
 //! | [`AtomicFile`] | written beside its target, synced, renamed last; one writer per target |
 //! | [`write_whole`] | the same for bytes at hand |
 //! | [`remove_unfinished`] | what a process that cannot unwind any more does before it ends |
@@ -21,6 +23,7 @@
 //! # }
 //! ```
 
+mod access;
 mod atomic_file;
 mod registry;
 mod rename;
@@ -28,6 +31,7 @@ mod rename;
 use std::io::{self, Write as _};
 use std::path::Path;
 
+pub use access::{AccessError, FileAccess, check_type, open_regular};
 pub use atomic_file::{AtomicFile, IfExists, publish_all};
 pub use registry::remove_unfinished;
 

@@ -8,7 +8,7 @@ use super::{CharacterError, Limits, Pose};
 use plumbline_num::math::Trs;
 
 /// Largest number of joints: indices are 16-bit, as in glTF.
-const MAX_JOINTS: usize = 1 << 16;
+pub(super) const MAX_JOINTS: usize = 1 << 16;
 
 /// A joint.
 #[derive(Clone, Debug, PartialEq)]

@@ -145,6 +145,9 @@ impl From<DocumentError> for MorphError {
             DocumentError::TooLarge { name, bytes, most } => {
                 (name, format!("{bytes} bytes are too many (at most {most})"))
             }
+            DocumentError::TooManyValues { name, bytes, length } => {
+                (name, format!("{bytes} bytes in memory for the values of a text of {length} bytes are too many"))
+            }
             DocumentError::Io { name, fault } => (name, format!("cannot be read: {fault}")),
         };
         Self::Malformed { name, fault }

@@ -1,6 +1,5 @@
 //! Motion and tracks from a motion file or a COLMAP model in place of tracking, checked against the clip.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::error::StabilizeError;
@@ -10,6 +9,7 @@ use super::tracks::Tracks;
 use crate::motion::ClipMotion;
 use crate::motion::exchange::colmap::{ColmapError, ImportedClip, Model};
 use crate::track::{FrameQuality, FrameTracks, TrackStore};
+use plumbline_num::files::open_regular;
 use plumbline_num::time::Timestamp;
 
 /// Relative difference of the mean frame rate of a file and the clip up to which the file is accepted without reading the frames:
@@ -36,7 +36,7 @@ impl MotionFile {
     /// # Errors
     /// [`StabilizeError::Input`]: it cannot be read, or is none.
     pub fn read(path: &Path) -> Result<Self, StabilizeError> {
-        let file = File::open(path).map_err(|e| refused(path, format!("cannot be read: {e}")))?;
+        let file = open_regular(path).map_err(|e| refused(path, format!("cannot be read: {e}")))?;
         let (motion, store) = ClipMotion::read_json(file).map_err(|e| refused(path, e))?;
         Ok(Self { path: path.to_owned(), motion, store })
     }

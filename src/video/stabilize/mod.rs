@@ -104,6 +104,7 @@ pub use options::{
     CameraMotionOptions, InSpace, ModelChoice, PathMethod, SmoothingOptions, StabilizerOptions, TrackingOptions,
     WarpOptions,
 };
+pub use path_file::PathFile;
 #[cfg(feature = "schema")]
 pub use path_file::path_file_schema;
 pub use path_planning::plan_path;

@@ -26,6 +26,7 @@ use super::error::StabilizeError;
 use crate::motion::{ClipCameras, FrameCamera};
 use crate::path::smoothed_poses;
 use plumbline_camera::{CameraPose, Vec3, align};
+use plumbline_num::document::read_bounded;
 
 /// Deviation from orthonormality up to which a rotation is accepted: files with four digits pass, a matrix that contains a scale
 /// does not.
@@ -34,6 +35,13 @@ const MAX_DEVIATION: f64 = 1e-3;
 /// Standard deviation, s, of the low-pass over the drift: faster errors of recovered cameras would appear as shake. It is that
 /// of point trajectories.
 const DRIFT_S: f64 = 0.25;
+
+/// Largest file that is read, bytes: six hours at 60 frames per second, with all digits.
+const MAX_BYTES: u64 = 1 << 29;
+
+/// Latest time, s, and largest coordinate of a translation, units of the file: beyond, differences lose their digits.
+const MAX_TIME_S: f64 = 1e9;
+const MAX_TRANSLATION: f64 = 1e12;
 
 /// A path file: the target poses of the camera.
 #[derive(Deserialize)]
@@ -77,20 +85,70 @@ pub(super) struct AlignedPath {
     pub(super) residual: f64,
 }
 
+/// The poses of a path file, in the coordinates of its author.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathFile {
+    /// Times of the target poses, s, ascending; `None`: one pose per frame.
+    times_s: Option<Vec<f64>>,
+    wanted: Vec<CameraPose>,
+    input: Vec<CameraPose>,
+}
+
+impl PathFile {
+    /// Reads the bytes of a path file.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Input`]: not such a file, an entry that is no pose, times out of order.
+    pub fn parse(bytes: &[u8]) -> Result<Self, StabilizeError> {
+        let bad = |reason: String| StabilizeError::Input(reason);
+        let document: Document = serde_json::from_slice(bytes).map_err(|e| bad(format!("not a path file: {e}")))?;
+        let poses = |name: &str, entries: &[Entry]| {
+            let pose = |(k, e): (usize, &Entry)| e.pose().ok_or_else(|| bad(format!("{name}[{k}] is no pose")));
+            entries.iter().enumerate().map(pose).collect::<Result<Vec<_>, _>>()
+        };
+        let (wanted, input) = (poses("wanted", &document.wanted)?, poses("input", &document.input)?);
+        let times: Option<Vec<f64>> = document.wanted.iter().map(|e| e.time_s).collect();
+        let times_s = times.filter(|t| !t.is_empty());
+        if let Some(time) = times_s.iter().flatten().find(|t| t.abs() > MAX_TIME_S) {
+            return Err(bad(format!("a time of wanted is {time} s (expected up to {MAX_TIME_S})")));
+        }
+        if times_s.as_ref().is_some_and(|times| !times.windows(2).all(|w| w[0] < w[1])) {
+            return Err(bad("the times of wanted are not in ascending order".to_owned()));
+        }
+        Ok(Self { times_s, wanted, input })
+    }
+
+    /// The target poses and the input's own ones for a clip whose frames are shown at `times_s`.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Input`]: not as many poses as the clip has frames.
+    pub fn at_frames(&self, times_s: &[f64]) -> Result<(Vec<CameraPose>, &[CameraPose]), StabilizeError> {
+        let (found, frames) = (self.input.len(), times_s.len());
+        if found != frames {
+            let wrong = format!("input has {found} cameras for {frames} frames; give one per frame");
+            return Err(StabilizeError::Input(wrong));
+        }
+        let wanted = match &self.times_s {
+            Some(times) => interpolated(times, &self.wanted, times_s),
+            None if self.wanted.len() == frames => self.wanted.clone(),
+            None => {
+                let found = self.wanted.len();
+                let wrong =
+                    format!("wanted has {found} poses for {frames} frames; give one per frame, or `time_s` to each");
+                return Err(StabilizeError::Input(wrong));
+            }
+        };
+        Ok((wanted, &self.input))
+    }
+}
+
 /// Reads a path file for a clip whose frames are shown at `times_s`.
 pub(super) fn read(path: &Path, cameras: &ClipCameras, times_s: &[f64]) -> Result<AlignedPath, StabilizeError> {
     let bad = |reason: String| StabilizeError::Input(format!("{}: {reason}", path.display()));
-    let bytes = std::fs::read(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    let document: Document = serde_json::from_slice(&bytes).map_err(|e| bad(format!("not a path file: {e}")))?;
-    let poses = |name: &str, entries: &[Entry]| {
-        let pose = |(k, e): (usize, &Entry)| e.pose().ok_or_else(|| bad(format!("{name}[{k}] is no pose")));
-        entries.iter().enumerate().map(pose).collect::<Result<Vec<_>, _>>()
-    };
-    let (wanted, input) = (poses("wanted", &document.wanted)?, poses("input", &document.input)?);
-    if input.len() != times_s.len() {
-        return Err(bad(format!("input has {} cameras for {} frames; give one per frame", input.len(), times_s.len())));
-    }
-    let wanted = at_frames(&document.wanted, &wanted, times_s).map_err(bad)?;
+    let named = |error: StabilizeError| bad(error.to_string());
+    let bytes = read_bounded(path, MAX_BYTES).map_err(|e| bad(format!("cannot be read: {e}")))?;
+    let file = PathFile::parse(&bytes).map_err(named)?;
+    let (wanted, input) = file.at_frames(times_s).map_err(named)?;
     let known = |(given, found): (&CameraPose, &Option<FrameCamera>)| Some((*given, found.as_ref()?.pose));
     let pairs: Vec<_> = input.iter().zip(&cameras.frames).filter_map(known).collect();
     let (ours_from_file, rms) = align(&pairs)
@@ -98,7 +156,7 @@ pub(super) fn read(path: &Path, cameras: &ClipCameras, times_s: &[f64]) -> Resul
     let length: f64 = pairs.windows(2).map(|w| (w[1].1.center() - w[0].1.center()).norm()).sum();
     let residual = if length > 0.0 { rms / length } else { 0.0 };
     let aligned = |poses: &[CameraPose]| poses.iter().map(|p| ours_from_file.camera(p)).collect::<Vec<_>>();
-    let (mut poses, input) = (aligned(&wanted), aligned(&input));
+    let (mut poses, input) = (aligned(&wanted), aligned(input));
     let found: Vec<_> = cameras.frames.iter().map(|c| c.map(|c| c.pose)).collect();
     for segment in cameras.shots.iter().map(|s| s.frames.clone()) {
         let (input, found) = (&input[segment.clone()], &found[segment.clone()]);
@@ -115,17 +173,8 @@ fn follow_drift(wanted: &mut [CameraPose], input: &[CameraPose], found: &[Option
     }
 }
 
-/// One pose per frame: as they are, or interpolated between their times.
-fn at_frames(entries: &[Entry], poses: &[CameraPose], times_s: &[f64]) -> Result<Vec<CameraPose>, String> {
-    let times: Option<Vec<f64>> = entries.iter().map(|e| e.time_s).collect();
-    let Some(times) = times.filter(|t| !t.is_empty()) else {
-        let (found, frames) = (poses.len(), times_s.len());
-        let wrong = format!("wanted has {found} poses for {frames} frames; give one per frame, or `time_s` to each");
-        return if found == frames { Ok(poses.to_vec()) } else { Err(wrong) };
-    };
-    if !times.windows(2).all(|w| w[0] < w[1]) {
-        return Err("the times of wanted are not in ascending order".to_owned());
-    }
+/// One pose per frame, interpolated between the times of the poses, the first of which is that of the first frame.
+fn interpolated(times: &[f64], poses: &[CameraPose], times_s: &[f64]) -> Vec<CameraPose> {
     let start = times_s.first().copied().unwrap_or(0.0);
     let at = |time: &f64| {
         let time = time - start + times[0];
@@ -136,7 +185,7 @@ fn at_frames(entries: &[Entry], poses: &[CameraPose], times_s: &[f64]) -> Result
         let fraction = ((time - times[after - 1]) / (times[after] - times[after - 1])).clamp(0.0, 1.0);
         poses[after - 1].toward(&poses[after], fraction)
     };
-    Ok(times_s.iter().map(at).collect())
+    times_s.iter().map(at).collect()
 }
 
 impl Entry {
@@ -156,7 +205,7 @@ impl Entry {
             }
             _ => return None,
         };
-        let finite = self.t.iter().all(|v| v.is_finite()) && rotation.coords.iter().all(|v| v.is_finite());
+        let finite = self.t.iter().all(|v| v.abs() <= MAX_TRANSLATION) && rotation.coords.iter().all(|v| v.is_finite());
         finite.then(|| CameraPose { rotation, translation: Vec3::from(self.t) })
     }
 }

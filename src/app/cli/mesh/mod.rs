@@ -50,6 +50,9 @@ struct ReadArgs {
     /// Most bytes of an input, the files that it refers to included
     #[arg(long, default_value_t = ReadLimits::default().max_bytes, value_name = "N")]
     max_bytes: u64,
+    /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
+    #[arg(long = "allow-path", value_name = "DIR")]
+    allow_paths: Vec<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -119,7 +122,8 @@ impl ReadArgs {
         work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Report, MeshError>,
     ) -> Result<Exit, Failure> {
         let run = &session.interrupt.run();
-        let limits = ReadLimits { max_bytes: self.max_bytes, ..ReadLimits::default() };
+        let limits =
+            ReadLimits { max_bytes: self.max_bytes, allow_paths: self.allow_paths.clone(), ..ReadLimits::default() };
         let inputs = all_inputs(&self.inputs)?;
         let (mut items, mut failed, mut last) = (Vec::new(), 0, Exit::Done);
         for (k, path) in inputs.iter().enumerate() {

@@ -5,6 +5,7 @@ use serde_json::Value as Json;
 
 use crate::pipeline::batch::Instance;
 use crate::pipeline::graph::{Edge, Graph, Stage};
+use crate::pipeline::job::JobOptions;
 use crate::pipeline::plan::Plan;
 use crate::stages;
 
@@ -13,10 +14,8 @@ use crate::stages;
 pub struct Order {
     key: String,
     stages: Vec<StageOrder>,
-    /// Threads that it may use.
-    pub threads: usize,
-    /// Existing files may be replaced.
-    pub overwrite: bool,
+    /// How it is to run.
+    pub options: JobOptions,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -30,7 +29,7 @@ struct StageOrder {
 
 impl Order {
     /// The work of `instance`.
-    pub fn of(instance: &Instance, threads: usize, overwrite: bool) -> Self {
+    pub fn of(instance: &Instance, options: JobOptions) -> Self {
         let edge = |e: &Edge| (e.port.name.to_owned(), e.from, e.output.name.to_owned());
         let stage = |s: &Stage| StageOrder {
             name: s.name.clone(),
@@ -39,7 +38,7 @@ impl Order {
             edges: s.edges.iter().map(edge).collect(),
         };
         let stages = instance.graph.stages.iter().map(stage).collect();
-        Self { key: instance.key.clone(), stages, threads, overwrite }
+        Self { key: instance.key.clone(), stages, options }
     }
 
     /// The instance, with its plan; it has no item, since nothing is left open.
@@ -80,14 +79,15 @@ mod tests {
 
     #[test]
     fn an_order_gives_back_the_instance_of_every_shipped_pipeline() {
+        let options = JobOptions { threads: 3, overwrite: true, allow_paths: vec!["shared".into()] };
         for (name, _) in shipped::SHIPPED {
             let source = shipped::find_source(name).expect("shipped");
             let pipeline = read(source, &["batch.foreach=item.x".to_owned()]).expect("no faults");
             let instance = pipeline.instances().expect("one item").remove(0);
-            let text = serde_json::to_string(&Order::of(&instance, 3, true)).expect("plain data");
+            let text = serde_json::to_string(&Order::of(&instance, options.clone())).expect("plain data");
             let order: Order = serde_json::from_str(&text).expect("its own text");
             let again = order.instance().expect("known kinds");
-            assert_eq!((order.threads, order.overwrite), (3, true));
+            assert_eq!(order.options, options);
             assert_eq!((&again.key, &again.graph), (&instance.key, &instance.graph), "{name}");
             assert_eq!(again.plan.passes.len(), instance.plan.passes.len());
         }

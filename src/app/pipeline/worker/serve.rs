@@ -59,8 +59,7 @@ fn done(
     let order: Order = serde_json::from_str(line).map_err(|e| RunError::Internal(format!("an order: {e}")))?;
     let instance = order.instance().map_err(RunError::Internal)?;
     let progress = TaskProgress::new(progress, &instance.key, instance.plan.passes.len());
-    let (threads, overwrite) = (order.threads, order.overwrite);
-    do_work(&Job { instance: &instance, threads, overwrite, progress: &progress, cancel }, backend)
+    do_work(&Job::new(&instance, &order.options, &progress, cancel), backend)
 }
 
 /// Where replies go.

@@ -1,6 +1,5 @@
 //! HEIC and AVIF through FFmpeg: one picture of a clip, as color planes.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -8,6 +7,7 @@ use crate::pipeline::run_error::RunError;
 use plumbline_image::rgb_frame;
 use plumbline_image::still::{ExifOrientation, ExifTags, LoadOptions, Photo, exif_of_container, oriented};
 use plumbline_media::{Input, ReadOptions, VideoReader};
+use plumbline_num::files::open_regular;
 
 /// Most bytes of a file's head that are searched for its items.
 const HEAD: u64 = 1 << 20;
@@ -38,7 +38,7 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
     let frame = rgb_frame(&frame).and_then(|f| oriented(&f, turn));
     let frame = frame.ok_or_else(|| bad("its pixels are of a kind that is not read here"))?;
     // Its metadata, and what is lost.
-    let file = File::open(path).ok();
+    let file = open_regular(path).ok();
     let read = file.and_then(|f| exif_of_container(BufReader::new(f), frame.width, frame.height));
     let (exif, tags) = read.map_or((None, ExifTags::default()), |(exif, tags)| (Some(exif), tags));
     let mut warnings = Vec::new();
@@ -52,7 +52,7 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
 /// True where the items of the file are tiles of a larger picture.
 fn is_tiled(path: &Path) -> bool {
     let mut head = Vec::new();
-    let read = File::open(path).and_then(|f| f.take(HEAD).read_to_end(&mut head));
+    let read = open_regular(path).and_then(|f| f.take(HEAD).read_to_end(&mut head));
     // An item's entry: the box's type, version and flags, then number (longer from version 3 on), protection and type.
     let is_grid = |w: &[u8]| match w {
         [b'i', b'n', b'f', b'e', 2, rest @ ..] => rest[7..].starts_with(b"grid"),

@@ -12,6 +12,7 @@ mod tgf;
 use std::path::Path;
 
 use super::{Clip, RigFileError, Skeleton};
+use crate::mesh::{ReadLimits, read_model};
 use plumbline_num::document::read_bounded;
 use plumbline_num::run::Run;
 
@@ -34,17 +35,18 @@ pub struct Rig {
     pub warnings: Vec<String>,
 }
 
-/// Reads a skeleton file; the format (JSON, glTF, BVH, `.tgf`, `.skel`) follows from the extension.
+/// Reads a skeleton file; the format (JSON, glTF, BVH, `.tgf`, `.skel`) follows from the extension. The limits are those of glTF, the
+/// one format whose files may name others.
 ///
 /// # Errors
 /// [`RigFileError`] with the file name.
-pub fn read_rig(path: &Path) -> Result<Rig, RigFileError> {
+pub fn read_rig(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Rig, RigFileError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let alone = |skeleton| Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
     let read = || match extension.as_str() {
         "json" => Ok(alone(super::skeleton_file::SkeletonFile::read(path)?.skeleton)),
         "gltf" | "glb" => {
-            let model = crate::mesh::read_model(path, &crate::mesh::ReadLimits::default(), &Run::default())?;
+            let model = read_model(path, limits, run)?;
             let character = character_of(&model)?;
             Ok(Rig { skeleton: character.skeleton, clips: character.clips, warnings: character.warnings })
         }

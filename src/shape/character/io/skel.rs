@@ -9,11 +9,12 @@
 //! Frames at rest are axis-aligned. An animation may have fewer joints than the skeleton; the others stay at rest. Some files have times
 //! that do not increase, because their original player ignores them; the pose index is used as time then.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
-use super::text::{Words, one_word};
+use super::text::{Words, one_word, shown};
 use crate::character::clip::{Curve, Interpolation, Track, rotations};
 use crate::character::{Clip, Joint, RigFileError, Skeleton};
 use plumbline_num::math::Trs;
@@ -36,12 +37,19 @@ pub fn parse_skel(text: &str) -> Result<Skeleton, RigFileError> {
         at.push(Vector3::from(words.triple(&format!("the place of joint {k}"))?));
         names.push(words.word(&format!("the name of joint {k}"))?);
         let parent = words.word(&format!("the parent of joint {k}"))?;
-        parents
-            .push((parent, words.fault(format!("there is no joint {parent:?}; a joint without a parent has `root`"))));
+        parents.push((
+            parent,
+            words.fault(format!("there is no joint {:?}; a joint without a parent has `root`", shown(parent))),
+        ));
+    }
+    // The first joint of each name.
+    let mut number_of = HashMap::with_capacity(count);
+    for (k, name) in names.iter().enumerate() {
+        number_of.entry(*name).or_insert(k);
     }
     let mut joints = Vec::with_capacity(count);
     for (k, (parent, fault)) in parents.into_iter().enumerate() {
-        let number = names.iter().position(|name| *name == parent);
+        let number = number_of.get(parent).copied();
         if number.is_none() && parent != ROOT {
             return Err(fault);
         }

@@ -126,10 +126,12 @@ fn the_format_follows_from_the_extension() {
         let path = folder.path().join(format!("a.{extension}"));
         let (text, _) = rig_text(&skeleton(), Some(&clip()), extension).expect("valid");
         std::fs::write(&path, text).expect("writable");
-        let rig = read_rig(&path).expect("own files are read");
+        let rig = read_rig(&path, &ReadLimits::default(), &Run::default()).expect("own files are read");
         assert_eq!((rig.skeleton.joint_count(), rig.clips.len()), (5, usize::from(extension == "bvh")), "{extension}");
     }
-    let told = read_rig(&folder.path().join("a.max")).expect_err("to be refused").to_string();
+    let told = read_rig(&folder.path().join("a.max"), &ReadLimits::default(), &Run::default())
+        .expect_err("to be refused")
+        .to_string();
     assert!(told.ends_with("a.max: unknown skeleton file extension (expected json, glb, gltf, bvh, tgf or skel)"));
     assert!(rig_text(&skeleton(), None, "fbx").is_err());
 }

@@ -34,22 +34,33 @@ impl<'a> Words<'a> {
 
     /// The next word, described by `what`; the end of the file is an error.
     pub(super) fn word(&mut self, what: &str) -> Result<&'a str, RigFileError> {
-        let end = self.fault(format!("the file ends where {what} is expected; it is cut short"));
-        self.next().ok_or(end)
+        self.word_of(|| what.to_owned())
+    }
+
+    /// [`Self::word`], described only if it is missing.
+    fn word_of(&mut self, what: impl FnOnce() -> String) -> Result<&'a str, RigFileError> {
+        let found = self.next();
+        found.ok_or_else(|| self.fault(format!("the file ends where {} is expected; it is cut short", what())))
     }
 
     /// Expects this word.
     pub(super) fn expect(&mut self, word: &str) -> Result<(), RigFileError> {
         let found = self.word(word)?;
         let fits = found.eq_ignore_ascii_case(word);
-        fits.then_some(()).ok_or_else(|| self.fault(format!("{found:?}, where {word} is expected")))
+        fits.then_some(()).ok_or_else(|| self.fault(format!("{:?}, where {word} is expected", shown(found))))
     }
 
     /// The next word as a finite number.
     pub(super) fn number(&mut self, what: &str) -> Result<f64, RigFileError> {
-        let word = self.word(what)?;
+        self.number_of(|| what.to_owned())
+    }
+
+    /// [`Self::number`], described only if it is missing.
+    pub(super) fn number_of(&mut self, what: impl Fn() -> String) -> Result<f64, RigFileError> {
+        let word = self.word_of(&what)?;
         let value = word.parse().ok().filter(|x: &f64| x.is_finite());
-        value.ok_or_else(|| self.fault(format!("{word:?} is no finite number, where {what} is expected")))
+        let fault = || format!("{:?} is no finite number, where {} is expected", shown(word), what());
+        value.ok_or_else(|| self.fault(fault()))
     }
 
     /// The next three words as finite numbers.
@@ -61,13 +72,23 @@ impl<'a> Words<'a> {
     pub(super) fn count(&mut self, what: &str, most: usize) -> Result<usize, RigFileError> {
         let word = self.word(what)?;
         let value = word.parse().ok().filter(|n| *n <= most);
-        value.ok_or_else(|| self.fault(format!("{word:?}, where {what} is expected (0 to {most})")))
+        value.ok_or_else(|| self.fault(format!("{:?}, where {what} is expected (0 to {most})", shown(word))))
     }
 
     /// An error at the current line.
     pub(super) fn fault(&self, fault: impl std::fmt::Display) -> RigFileError {
         malformed(self.format, self.line, fault)
     }
+}
+
+/// The beginning of a text, for messages: a hostile one may be as long as the file.
+pub(super) fn shown(text: &str) -> String {
+    const MAX: usize = 60;
+    let mut short: String = text.chars().take(MAX).collect();
+    if short.len() < text.len() {
+        short.push('…');
+    }
+    short
 }
 
 /// An error in a text file.

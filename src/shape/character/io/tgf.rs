@@ -17,7 +17,8 @@ use std::fmt::Write as _;
 use nalgebra::Vector3;
 
 use super::Rig;
-use super::text::malformed;
+use super::text::{malformed, shown};
+use crate::character::skeleton::MAX_JOINTS;
 use crate::character::{Joint, RigFileError, Skeleton};
 use plumbline_num::math::Trs;
 
@@ -40,17 +41,20 @@ pub fn parse_tgf(text: &str) -> Result<Rig, RigFileError> {
             (0, [name, position @ ..]) => {
                 let number = |i: usize| position.get(i).and_then(|w| w.parse().ok()).filter(|x: &f64| x.is_finite());
                 let [Some(x), Some(y), Some(z)] = [number(0), number(1), number(2)] else {
-                    return Err(fault(format!("joint {name} needs three finite numbers for its place")));
+                    return Err(fault(format!("joint {} needs three finite numbers for its place", shown(name))));
                 };
+                if at.len() >= MAX_JOINTS {
+                    return Err(fault(format!("more than {MAX_JOINTS} joints")));
+                }
                 if number_of.insert(name, at.len() as u32).is_some() {
-                    return Err(fault(format!("a second joint {name}")));
+                    return Err(fault(format!("a second joint {}", shown(name))));
                 }
                 at.push(Vector3::new(x, y, z));
                 names.push((*name).to_owned());
             }
             (1, [a, b, ..]) => {
-                let known =
-                    |name: &str| number_of.get(name).copied().ok_or_else(|| fault(format!("there is no joint {name}")));
+                let missing = |name: &str| fault(format!("there is no joint {}", shown(name)));
+                let known = |name: &str| number_of.get(name).copied().ok_or_else(|| missing(name));
                 edges.push((k + 1, [known(a)?, known(b)?]));
             }
             (1, _) => return Err(fault("a bone needs two joints".to_owned())),

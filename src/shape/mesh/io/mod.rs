@@ -17,9 +17,10 @@ mod write;
 
 use std::fmt;
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{MeshError, Model, Position};
+use plumbline_num::files::open_regular;
 use plumbline_num::run::Run;
 
 pub use detect::detect_format;
@@ -76,20 +77,22 @@ impl fmt::Display for MeshFormat {
     }
 }
 
-/// Size limits of the readers. They bound memory for hostile files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Limits of the readers, for hostile files: sizes, which bound memory, and the folders of files that are opened.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
     /// Maximum total size of the file and the files it references, bytes.
     pub max_bytes: u64,
     /// Maximum number of vertices, and of face corners. Not bounded by the file size: a glTF file may instantiate one mesh many
     /// times.
     pub max_elements: u64,
+    /// Folders of files that a mesh file may name, besides its own folder.
+    pub allow_paths: Vec<PathBuf>,
 }
 
 impl Default for ReadLimits {
-    /// 4 GiB, 2²⁸ vertices and corners.
+    /// 4 GiB, 2²⁸ vertices and corners, no further folder.
     fn default() -> Self {
-        Self { max_bytes: 4 << 30, max_elements: 1 << 28 }
+        Self { max_bytes: 4 << 30, max_elements: 1 << 28, allow_paths: Vec::new() }
     }
 }
 
@@ -113,7 +116,8 @@ pub fn read_model(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Model, 
     read().map_err(|fault: MeshError| fault.of_file(path))
 }
 
-/// Decodes a model. `folder` is the folder of the files that a glTF file may reference; `None` allows none.
+/// Decodes a model. `folder` is the folder of the files that a glTF file may reference, besides those of the limits; `None` allows
+/// none.
 ///
 /// # Errors
 /// [`MeshError::Malformed`] for bytes that violate the format specification, [`MeshError::TooLarge`] beyond the limits,
@@ -141,22 +145,29 @@ pub fn decode_model(
 
 /// All bytes of a regular file within the size limit.
 fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, MeshError> {
-    let fault = |e: std::io::Error| match e.kind() {
-        std::io::ErrorKind::NotFound => MeshError::Unreadable { reason: "no such file; check the name".to_owned() },
-        _ => MeshError::Unreadable { reason: e.to_string() },
-    };
-    let about = std::fs::metadata(path).map_err(fault)?;
-    if !about.is_file() {
-        return Err(MeshError::Unreadable { reason: "not a file; give the path of a mesh file".to_owned() });
+    read_opened(open_regular(path).map_err(|e| unreadable(&e))?, limit)
+}
+
+fn unreadable(fault: &std::io::Error) -> MeshError {
+    let missing = fault.kind() == std::io::ErrorKind::NotFound;
+    MeshError::Unreadable {
+        reason: if missing { "no such file; check the name".to_owned() } else { fault.to_string() },
     }
+}
+
+/// The rest of a file within the size limit.
+fn read_opened(file: std::fs::File, limit: u64) -> Result<Vec<u8>, MeshError> {
     let too_large = |value: u64| MeshError::TooLarge { what: "number of bytes", value, limit };
-    if about.len() > limit {
-        return Err(too_large(about.len()));
+    let announced = file.metadata().map_err(|e| unreadable(&e))?.len();
+    if announced > limit {
+        return Err(too_large(announced));
     }
+    // Reserved as a whole: a vector that grows by doubling takes twice the memory.
     let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(fault)?;
+    let reserved = usize::try_from(announced).ok().and_then(|n| bytes.try_reserve_exact(n.saturating_add(1)).ok());
+    reserved.ok_or_else(|| MeshError::Unreadable { reason: format!("no memory for its {announced} bytes") })?;
     // The file may grow while it is read: read at most one byte more than the limit.
-    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(fault)?;
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| unreadable(&e))?;
     if bytes.len() as u64 > limit { Err(too_large(bytes.len() as u64)) } else { Ok(bytes) }
 }
 

@@ -82,7 +82,8 @@ fn read_text(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
         match word.to_ascii_lowercase().as_slice() {
             b"solid" => {
                 let object = String::from_utf8_lossy(words.rest_of_line()).trim().to_owned();
-                group = if object.is_empty() { NO_VALUE } else { builder.group(Group { object, name: String::new() }) };
+                group =
+                    if object.is_empty() { NO_VALUE } else { builder.group(Group { object, name: String::new() })? };
             }
             b"facet" => facet(&mut words, &mut builder, group)?,
             b"endsolid" => drop(words.rest_of_line()),

@@ -178,7 +178,7 @@ fn losses_are_told_before_they_surprise() {
     let mut builder = ModelBuilder::default();
     builder.positions = vec![nalgebra::Point3::origin(); 4];
     builder.colors = vec![[0.5; 4]; 4];
-    let group = builder.group(crate::mesh::Group { object: "a".into(), name: String::new() });
+    let group = builder.group(crate::mesh::Group { object: "a".into(), name: String::new() }).expect("a short name");
     builder.face(&[0, 1, 2, 3], group, crate::mesh::NO_VALUE);
     let model = builder.finish().expect("valid");
     assert!(losses(&model, MeshFormat::Obj).is_empty());

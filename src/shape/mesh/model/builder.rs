@@ -9,6 +9,9 @@ use super::articulation::Articulation;
 use super::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, NO_VALUE};
 use crate::mesh::{MeshError, TriMesh};
 
+/// Maximum sum of the lengths of all group names, bytes: a hundred thousand long names.
+const MAX_GROUP_BYTES: usize = 32 << 20;
+
 /// Builder of a [`Model`].
 #[derive(Clone, Debug, Default)]
 pub struct ModelBuilder {
@@ -36,18 +39,30 @@ pub struct ModelBuilder {
     pub warnings: Vec<String>,
     /// Index of each group in `groups`.
     group_numbers: HashMap<Group, u32>,
+    /// Bytes of the names of all groups.
+    group_bytes: usize,
     /// Index of each material name in `materials`.
     material_numbers: HashMap<String, u32>,
 }
 
 impl ModelBuilder {
     /// Index of a group, added if it is new.
-    pub fn group(&mut self, group: Group) -> u32 {
-        let all = &mut self.groups.all;
-        *self.group_numbers.entry(group.clone()).or_insert_with(|| {
-            all.push(group);
-            all.len() as u32 - 1
-        })
+    ///
+    /// # Errors
+    /// [`MeshError::TooLarge`] for names that take too much memory: each group has a copy of the name of its object.
+    pub fn group(&mut self, group: Group) -> Result<u32, MeshError> {
+        if let Some(&known) = self.group_numbers.get(&group) {
+            return Ok(known);
+        }
+        self.group_bytes += group.object.len() + group.name.len();
+        if self.group_bytes > MAX_GROUP_BYTES {
+            let (what, limit) = ("number of bytes in the names of all groups", MAX_GROUP_BYTES as u64);
+            return Err(MeshError::TooLarge { what, value: self.group_bytes as u64, limit });
+        }
+        let number = self.groups.all.len() as u32;
+        self.groups.all.push(group.clone());
+        self.group_numbers.insert(group, number);
+        Ok(number)
     }
 
     /// Index of the material with this name, added if it is new.

@@ -7,6 +7,8 @@ use nalgebra::{Point2, Point3, Vector3};
 /// Maximum number of corners of a polygon triangulated by ear clipping, which takes quadratic time in their number: bounds the
 /// time for a hostile file with one huge polygon. Larger polygons become fans.
 const MAX_EARS: usize = 2048;
+/// Maximum number of tests of a point in a triangle, over the square of the number of corners: simple polygons take up to one.
+const MAX_WORK: usize = 16;
 
 /// Polygons in compressed form: one list of corners, with the first corner of each polygon.
 ///
@@ -106,16 +108,18 @@ fn cut(outline: &[Point3<f64>]) -> Vec<[usize; 3]> {
     }
     // Ear clipping: remove a convex corner whose triangle contains no other remaining corner.
     let (mut left, mut triangles): (Vec<usize>, Vec<_>) = ((0..n).collect(), Vec::with_capacity(n - 2));
-    let mut at = 0;
-    let mut since_ear = 0;
+    let (mut at, mut since_ear, mut work) = (0, 0, 0);
     while left.len() > 3 {
         let m = left.len();
         let [a, b, c] = [left[at % m], left[(at + 1) % m], left[(at + 2) % m]];
         let inside =
             |p: usize| doubled_area(a, b, p) >= 0.0 && doubled_area(b, c, p) >= 0.0 && doubled_area(c, a, p) >= 0.0;
-        let is_ear = doubled_area(a, b, c) > 0.0 && !left.iter().any(|&p| p != a && p != b && p != c && inside(p));
-        // A self-intersecting polygon may have no ear left: after a full pass without one, clip the current corner.
-        if is_ear || since_ear > m {
+        let is_convex = doubled_area(a, b, c) > 0.0;
+        work += if is_convex { m } else { 1 };
+        let is_ear = is_convex && !left.iter().any(|&p| p != a && p != b && p != c && inside(p));
+        // A self-intersecting polygon may have no ear left: after a full pass without one, clip the current corner. Passes that find
+        // one ear each take cubic time: after as much work as many times what a simple polygon takes, clip it too.
+        if is_ear || since_ear > m || work > MAX_WORK * n * n {
             triangles.push([a, b, c]);
             left.remove((at + 1) % m);
             since_ear = 0;

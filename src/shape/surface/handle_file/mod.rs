@@ -41,6 +41,9 @@ use selection::{Selection, Selector};
 /// 128 MiB: targets of a million vertices with all digits.
 const KIND: Kind = Kind { name: "a file of handles", format: "plumbline.handles", max_bytes: 1 << 27 };
 
+/// Maximum number of named sets: far above what a person names, and their masks stay within the memory of the mesh.
+const MAX_SETS: usize = 1000;
+
 /// Handles of a file, not yet resolved on a mesh.
 #[derive(Clone, Debug)]
 pub struct HandleFile {
@@ -89,6 +92,10 @@ impl HandleFile {
         if document.handles.is_empty() {
             return Err(rejected("the file", "handles", "an empty list", "at least one handle"));
         }
+        let sets = document.sets.len();
+        if sets > MAX_SETS {
+            return Err(rejected("the file", "sets", format!("a table of {sets}"), &format!("at most {MAX_SETS}")));
+        }
         let file = Self { sets: document.sets, handles: document.handles, region: document.region };
         for (i, entry) in file.handles.iter().enumerate() {
             entry.check(&file.context(i))?;
@@ -112,6 +119,7 @@ impl HandleFile {
     pub fn of_mesh(&self, positions: &[Point3<f64>]) -> Result<MeshHandles, HandleFileError> {
         let selector = Selector::new(positions, &self.sets);
         let mut handles = Vec::with_capacity(self.handles.len());
+        let mut owner: Vec<Option<u32>> = vec![None; positions.len()];
         for (i, entry) in self.handles.iter().enumerate() {
             let context = self.context(i);
             let listed = selector.listed(&entry.vertices, &context)?;
@@ -123,10 +131,11 @@ impl HandleFile {
                 return Err(HandleFileError::Empty { context, low, high });
             }
             let track = entry.track(&context, &listed, &vertices, positions)?;
+            // Before the next handle is read: handles of all vertices would take the memory of the mesh each.
+            self.claim(i, &vertices, &mut owner)?;
             let name = entry.name.clone().unwrap_or_else(|| format!("{}", i + 1));
             handles.push(MeshHandle { name, vertices, weight: entry.weight, track });
         }
-        let owner = self.owners(&handles, positions.len())?;
         let outside = match &self.region {
             None => Vec::new(),
             Some(region) => {
@@ -138,22 +147,18 @@ impl HandleFile {
         Ok(MeshHandles { handles, outside })
     }
 
-    /// The handle of each vertex.
-    fn owners(&self, handles: &[MeshHandle], count: usize) -> Result<Vec<Option<u32>>, HandleFileError> {
-        let mut owner: Vec<Option<u32>> = vec![None; count];
-        for (i, handle) in handles.iter().enumerate() {
-            let taken = |v: &&u32| owner[**v as usize].is_some();
-            if let Some(&vertex) = handle.vertices.iter().find(taken) {
-                let other = owner[vertex as usize];
-                let first = self.context(other.unwrap_or(0) as usize);
-                let count = handle.vertices.iter().filter(|v| owner[**v as usize] == other).count();
-                return Err(HandleFileError::Overlap { vertex, first, second: self.context(i), count });
-            }
-            for v in &handle.vertices {
-                owner[*v as usize] = Some(i as u32);
-            }
+    /// Makes handle `i` the owner of its vertices.
+    fn claim(&self, i: usize, vertices: &[u32], owner: &mut [Option<u32>]) -> Result<(), HandleFileError> {
+        if let Some(&vertex) = vertices.iter().find(|v| owner[**v as usize].is_some()) {
+            let other = owner[vertex as usize];
+            let first = self.context(other.unwrap_or(0) as usize);
+            let count = vertices.iter().filter(|v| owner[**v as usize] == other).count();
+            return Err(HandleFileError::Overlap { vertex, first, second: self.context(i), count });
         }
-        Ok(owner)
+        for v in vertices {
+            owner[*v as usize] = Some(i as u32);
+        }
+        Ok(())
     }
 }
 

@@ -1,5 +1,6 @@
 //! Vertex selections: by index, by position, by name, and set operations.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use nalgebra::Point3;
@@ -9,6 +10,9 @@ use super::HandleFileError;
 use super::document::rejected;
 use crate::mesh::VertexRef;
 use crate::mesh::region::{Ball, HalfSpace};
+
+/// Maximum depth of selections within selections, through named sets too: people nest two or three. Bounds the stack.
+const MAX_NESTING: usize = 256;
 
 /// Vertices: the name of a set, or a description.
 #[derive(Clone, Debug, Deserialize)]
@@ -73,15 +77,31 @@ impl Selection {
     }
 }
 
+/// A mask, a bit per vertex.
+struct Bits(Vec<u64>);
+
+impl Bits {
+    fn of(mask: &[bool]) -> Self {
+        let word = |bits: &[bool]| bits.iter().enumerate().fold(0, |word, (k, bit)| word | (u64::from(*bit) << k));
+        Self(mask.chunks(64).map(word).collect())
+    }
+
+    fn mask(&self, vertices: usize) -> Vec<bool> {
+        (0..vertices).map(|v| self.0[v / 64] >> (v % 64) & 1 == 1).collect()
+    }
+}
+
 /// Resolves selections on a mesh.
 pub(super) struct Selector<'a> {
     positions: &'a [Point3<f64>],
     sets: &'a BTreeMap<String, Selection>,
+    /// Sets resolved so far: of forty sets, each the union of the one before with itself, the last would be resolved 2⁴⁰ times.
+    known: RefCell<BTreeMap<&'a str, Bits>>,
 }
 
 impl<'a> Selector<'a> {
     pub(super) fn new(positions: &'a [Point3<f64>], sets: &'a BTreeMap<String, Selection>) -> Self {
-        Self { positions, sets }
+        Self { positions, sets, known: RefCell::default() }
     }
 
     /// Lowest and highest coordinates of the mesh, for messages.
@@ -117,44 +137,56 @@ impl<'a> Selector<'a> {
         self.inner(selection, context, &mut Vec::new())
     }
 
+    /// `within` are the selections around this one, with the names of those that are sets.
     fn inner<'s>(
         &'s self,
         selection: &'s Selection,
         context: &str,
-        within: &mut Vec<&'s str>,
+        within: &mut Vec<Option<&'s str>>,
     ) -> Result<Vec<bool>, HandleFileError> {
-        match selection {
+        if within.len() >= MAX_NESTING {
+            let found = format!("more than {MAX_NESTING} selections, each in another");
+            return Err(rejected(context, "vertices", found, "fewer; list the vertices, or describe them by a shape"));
+        }
+        let name = if let Selection::Named(name) = selection { Some(name.as_str()) } else { None };
+        if name.is_some() && within.contains(&name) {
+            let name = name.unwrap_or_default().to_owned();
+            return Err(HandleFileError::Circular { context: context.to_owned(), name });
+        }
+        within.push(name);
+        let mask = match selection {
             Selection::Named(name) => self.named(name, context, within),
             Selection::Listed(vertices) => self.mask_of(vertices.iter().map(|v| self.referenced(v, context))),
             Selection::Described(description) => self.described(description, context, within),
-        }
+        };
+        within.pop();
+        mask
     }
 
     fn named<'s>(
         &'s self,
         name: &'s str,
         context: &str,
-        within: &mut Vec<&'s str>,
+        within: &mut Vec<Option<&'s str>>,
     ) -> Result<Vec<bool>, HandleFileError> {
-        if within.contains(&name) {
-            return Err(HandleFileError::Circular { context: context.to_owned(), name: name.to_owned() });
+        if let Some(bits) = self.known.borrow().get(name) {
+            return Ok(bits.mask(self.positions.len()));
         }
-        let Some(set) = self.sets.get(name) else {
+        let Some((name, set)) = self.sets.get_key_value(name) else {
             let known: Vec<&str> = self.sets.keys().map(String::as_str).collect();
             let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
             return Err(HandleFileError::NoSuchSet { context: context.to_owned(), name: name.to_owned(), known });
         };
-        within.push(name);
-        let mask = self.inner(set, context, within);
-        within.pop();
-        mask
+        let mask = self.inner(set, context, within)?;
+        self.known.borrow_mut().insert(name, Bits::of(&mask));
+        Ok(mask)
     }
 
     fn described<'s>(
         &'s self,
         description: &'s Description,
         context: &str,
-        within: &mut Vec<&'s str>,
+        within: &mut Vec<Option<&'s str>>,
     ) -> Result<Vec<bool>, HandleFileError> {
         let of_all = |inside: &dyn Fn(&Point3<f64>) -> bool| Ok(self.positions.iter().map(inside).collect());
         match description {
@@ -200,7 +232,7 @@ impl<'a> Selector<'a> {
         &'s self,
         parts: &'s [Selection],
         context: &str,
-        within: &mut Vec<&'s str>,
+        within: &mut Vec<Option<&'s str>>,
         all: bool,
     ) -> Result<Vec<bool>, HandleFileError> {
         let mut joined = vec![all && !parts.is_empty(); self.positions.len()];

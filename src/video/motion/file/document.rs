@@ -1,5 +1,6 @@
 //! Content of a motion file, and its checks.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -16,9 +17,13 @@ use crate::motion::clip::ClipMotion;
 use crate::motion::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 use crate::motion::planar_fit::{self, Pair};
 use crate::track::TrackStore;
-use plumbline_num::document::pixel_center_shift;
+use plumbline_num::document::{ValueWithin, pixel_center_shift};
 use plumbline_num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline_num::time::{Timebase, Timestamp};
+
+/// Most blocks of a file, and most memory of those of other programs, bytes: they are kept as they are.
+const MAX_BLOCKS: usize = 1000;
+const MAX_OTHER_BLOCKS: u64 = 100 << 20;
 
 /// Largest side of a picture, px: more is a damaged file.
 const MAX_SIDE: u32 = 1 << 16;
@@ -146,6 +151,7 @@ impl<'de> Visitor<'de> for Blocks {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Document, A::Error> {
         let (mut document, mut seen) = (Document::default(), Vec::new());
+        let left = Cell::new(MAX_OTHER_BLOCKS);
         while let Some(key) = map.next_key::<String>()? {
             // Files of earlier programs spell this key otherwise.
             let key = if key == "pixel_centre" { "pixel_center".to_owned() } else { key };
@@ -170,7 +176,13 @@ impl<'de> Visitor<'de> for Blocks {
                     let size = (document.source.width, document.source.height);
                     document.tracks = map.next_value_seed(TracksSeed::new(times, size, 0.5 - document.pixel_center))?;
                 }
-                _ => drop(document.other_blocks.insert(key.clone(), map.next_value()?)),
+                _ => {
+                    let block = map.next_value_seed(ValueWithin { left: &left })?;
+                    document.other_blocks.insert(key.clone(), block);
+                }
+            }
+            if seen.len() >= MAX_BLOCKS {
+                return Err(A::Error::custom(format!("more than {MAX_BLOCKS} blocks")));
             }
             seen.push(key);
         }

@@ -3,9 +3,10 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::Rig;
-use super::super::text::Words;
+use super::super::text::{Words, shown};
 use super::{END, FORMAT};
 use crate::character::clip::{Curve, Interpolation, Keys, Track, rotations};
+use crate::character::skeleton::MAX_JOINTS;
 use crate::character::{Clip, Joint, RigFileError, Skeleton};
 use plumbline_num::math::Trs;
 
@@ -13,6 +14,9 @@ use plumbline_num::math::Trs;
 const MAX_FRAMES: usize = 1 << 22;
 /// Largest depth of the hierarchy.
 const MAX_DEPTH: usize = 1 << 12;
+
+/// Longest name of a joint, bytes: joints at the ends are named after their parents, each with a copy of the name.
+const MAX_NAME: usize = 1 << 10;
 
 /// What a channel moves: translation along or rotation about an axis.
 #[derive(Clone, Copy)]
@@ -25,6 +29,16 @@ enum Move {
 struct Channels {
     joint: usize,
     moves: Vec<Move>,
+}
+
+impl Channels {
+    fn shifts(&self) -> bool {
+        self.moves.iter().any(|m| matches!(m, Move::Along(_)))
+    }
+
+    fn turns(&self) -> bool {
+        self.moves.iter().any(|m| matches!(m, Move::About(_)))
+    }
 }
 
 /// Parses a skeleton and its animation, named `motion`.
@@ -56,7 +70,13 @@ fn tree(words: &mut Words<'_>, joints: &mut Vec<Joint>, channels: &mut Vec<Chann
         }
         match words.word("a part of the joint, or }")? {
             "OFFSET" => joints[joint as usize].rest.translation = words.triple("the offset")?.into(),
-            "CHANNELS" => channels.push(Channels { joint: joint as usize, moves: moves(words)? }),
+            "CHANNELS" => {
+                let moves = moves(words)?;
+                // Without a number in any frame there is nothing to store either.
+                if !moves.is_empty() {
+                    channels.push(Channels { joint: joint as usize, moves });
+                }
+            }
             "JOINT" => open.push(begin(words, Some(joint), joints)?),
             "End" => end(words, joint, joints)?,
             "}" => drop(open.pop()),
@@ -80,8 +100,14 @@ fn begin(words: &mut Words<'_>, parent: Option<u32>, joints: &mut Vec<Joint>) ->
         return Err(words.fault("a joint without a name"));
     }
     let name = name.join(" ");
+    if name.len() > MAX_NAME {
+        return Err(words.fault(format!("a joint's name of {} bytes (at most {MAX_NAME})", name.len())));
+    }
     if !opened {
         words.expect("{")?;
+    }
+    if joints.len() >= MAX_JOINTS {
+        return Err(words.fault(format!("more than {MAX_JOINTS} joints")));
     }
     joints.push(Joint { name, parent, rest: Trs::identity(), limits: None });
     Ok(joints.len() as u32 - 1)
@@ -93,7 +119,7 @@ fn end(words: &mut Words<'_>, parent: u32, joints: &mut Vec<Joint>) -> Result<()
     words.expect("OFFSET")?;
     let offset = Vector3::from(words.triple("the offset")?);
     words.expect("}")?;
-    if offset != Vector3::zeros() {
+    if offset != Vector3::zeros() && joints.len() < MAX_JOINTS {
         let name = format!("{}{END}", joints[parent as usize].name);
         joints.push(Joint { name, parent: Some(parent), rest: Trs::from_translation(offset), limits: None });
     }
@@ -119,9 +145,15 @@ fn moves(words: &mut Words<'_>) -> Result<Vec<Move>, RigFileError> {
 /// Makes duplicate names unique by a number.
 fn unique(joints: &mut [Joint]) {
     let mut taken = std::collections::HashSet::new();
+    // The number to try next, by name: counting from 1 for each of many equal names takes quadratic time.
+    let mut next = std::collections::HashMap::<String, usize>::new();
     for joint in joints {
-        let numbered = (1..).map(|k| if k == 1 { joint.name.clone() } else { format!("{} ({k})", joint.name) });
-        joint.name = numbered.into_iter().find(|name| !taken.contains(name)).expect("there is no end of numbers");
+        let k = next.entry(joint.name.clone()).or_insert(1);
+        let numbered = |k: usize| if k == 1 { joint.name.clone() } else { format!("{} ({k})", joint.name) };
+        while taken.contains(&numbered(*k)) {
+            *k += 1;
+        }
+        joint.name = numbered(*k);
         taken.insert(joint.name.clone());
     }
 }
@@ -142,8 +174,8 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
             let mut rotation = UnitQuaternion::identity();
             let mut position = joints[of_joint.joint].rest.translation;
             for &each in &of_joint.moves {
-                let number =
-                    words.number(&format!("a number of {:?} in frame {frame}", joints[of_joint.joint].name))?;
+                let number = words
+                    .number_of(|| format!("a number of {:?} in frame {frame}", shown(&joints[of_joint.joint].name)))?;
                 match each {
                     Move::Along(axis) => position[axis] += number,
                     Move::About(axis) => {
@@ -151,8 +183,12 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
                     }
                 }
             }
-            joint_rotations[k].push(rotation);
-            positions[k].push(<[f64; 3]>::from(position));
+            if of_joint.turns() {
+                joint_rotations[k].push(rotation);
+            }
+            if of_joint.shifts() {
+                positions[k].push(<[f64; 3]>::from(position));
+            }
         }
     }
     if let Some(more) = words.next() {
@@ -162,11 +198,11 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
     let mut tracks = Vec::new();
     for (k, of_joint) in channels.iter().enumerate().filter(|_| frames > 0) {
         let joint = of_joint.joint as u32;
-        if of_joint.moves.iter().any(|m| matches!(m, Move::Along(_))) {
+        if of_joint.shifts() {
             let keys = Keys::new(times.clone(), std::mem::take(&mut positions[k]), Interpolation::Linear)?;
             tracks.push(Track { joint, curve: Curve::Translation(keys) });
         }
-        if of_joint.moves.iter().any(|m| matches!(m, Move::About(_))) {
+        if of_joint.turns() {
             let keys = rotations(times.clone(), &joint_rotations[k], Interpolation::Linear)?;
             tracks.push(Track { joint, curve: Curve::Rotation(keys) });
         }

@@ -54,14 +54,15 @@ impl Values {
     }
 }
 
-/// Reads accessor `index`, whose type must be among `kinds`.
+/// Reads accessor `index`, whose type must be among `kinds`; `None` if it has more than `left` numbers.
 pub(super) fn values(
     document: &Document,
     buffers: &Buffers<'_>,
     index: usize,
     kinds: &[&str],
     limits: &ReadLimits,
-) -> Result<Values, MeshError> {
+    left: usize,
+) -> Result<Option<Values>, MeshError> {
     // Type and count; the count is limited before allocation.
     let at = format!("/accessors/{index}");
     let accessor = item(&document.accessors, index, &at, "accessor")?;
@@ -81,6 +82,9 @@ pub(super) fn values(
     let component = component(accessor.component_type, &at)?;
     let count = usize::try_from(accessor.count).unwrap_or(usize::MAX);
     limits.check("number of values of an accessor", count)?;
+    if count.saturating_mul(width) > left {
+        return Ok(None);
+    }
     // Dense values, then the sparse replacements.
     let mut numbers = match accessor.buffer_view {
         // Without a buffer view the values are zeros, which the sparse part may replace.
@@ -92,7 +96,7 @@ pub(super) fn values(
         }
     };
     substitute(document, buffers, accessor, &at, component, width, &mut numbers)?;
-    Ok(Values { width, numbers })
+    Ok(Some(Values { width, numbers }))
 }
 
 /// Layout of equally spaced values in a buffer view.

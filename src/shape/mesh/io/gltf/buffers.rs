@@ -1,18 +1,40 @@
 //! Buffers and buffer views of a glTF document.
 
-use std::borrow::Cow;
-use std::path::{Component, Path, PathBuf};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-use super::super::{ReadLimits, read_file};
+use super::super::{ReadLimits, read_opened};
 use super::document::Document;
 use super::{fault, item};
 use crate::mesh::MeshError;
+use plumbline_num::files::{AccessError, FileAccess, open_regular};
 
 /// All buffers of a document.
-pub(super) struct Buffers<'a>(Vec<Cow<'a, [u8]>>);
+pub(super) struct Buffers<'a> {
+    all: Vec<Bytes<'a>>,
+    /// Bytes of the files that were read for them.
+    read: u64,
+}
+
+/// The bytes of a buffer; buffers in one file share them.
+#[derive(Clone)]
+enum Bytes<'a> {
+    Chunk(&'a [u8]),
+    Read(Arc<[u8]>),
+}
+
+impl Bytes<'_> {
+    fn all(&self) -> &[u8] {
+        match self {
+            Self::Chunk(bytes) => bytes,
+            Self::Read(bytes) => bytes,
+        }
+    }
+}
 
 /// The bytes of a buffer view, and its stride if it has one.
 #[derive(Clone, Copy)]
@@ -29,32 +51,37 @@ impl<'a> Buffers<'a> {
         folder: Option<&Path>,
         limits: &ReadLimits,
     ) -> Result<Self, MeshError> {
-        let mut left = limits.max_bytes;
+        let mut source = Source { access: access(folder, limits), left: limits.max_bytes, files: HashMap::new() };
         let mut buffers = Vec::new();
         for (k, buffer) in document.buffers.iter().enumerate() {
             let at = format!("/buffers/{k}");
             let bytes = match &buffer.uri {
-                None if k == 0 => Cow::Borrowed(
-                    binary.ok_or_else(|| fault(at.clone(), "has no `uri`, and the file no binary chunk"))?,
-                ),
+                None if k == 0 => {
+                    Bytes::Chunk(binary.ok_or_else(|| fault(at.clone(), "has no `uri`, and the file no binary chunk"))?)
+                }
                 None => return Err(fault(at, "has no `uri`; only the first buffer may stand in the binary chunk")),
-                Some(uri) => Cow::Owned(fetch(uri, folder, left, &at)?),
+                Some(uri) => source.fetch(uri, &at)?,
             };
-            left = left.saturating_sub(bytes.len() as u64);
-            if buffer.byte_length > bytes.len() as u64 {
-                let told = format!("{} bytes are announced, but there are {}", buffer.byte_length, bytes.len());
+            let length = bytes.all().len();
+            if buffer.byte_length > length as u64 {
+                let told = format!("{} bytes are announced, but there are {length}", buffer.byte_length);
                 return Err(fault(format!("{at}/byteLength"), told));
             }
             buffers.push(bytes);
         }
-        Ok(Self(buffers))
+        Ok(Self { all: buffers, read: limits.max_bytes - source.left })
+    }
+
+    /// Bytes of the files that were read besides the document.
+    pub(super) fn read_bytes(&self) -> u64 {
+        self.read
     }
 
     /// The bytes of a view; `user` is the JSON pointer of the value that references it, for errors.
     pub(super) fn view<'b>(&'b self, document: &Document, view: usize, user: &str) -> Result<View<'b>, MeshError> {
         let described = item(&document.buffer_views, view, user, "buffer view")?;
         let at = format!("/bufferViews/{view}");
-        let buffer = item(&self.0, described.buffer, &at, "buffer")?;
+        let buffer = item(&self.all, described.buffer, &at, "buffer")?.all();
         let (from, length) = (described.byte_offset, described.byte_length);
         let range = usize::try_from(from).ok().zip(usize::try_from(from.saturating_add(length)).ok());
         let bytes = range.and_then(|(from, to)| buffer.get(from..to)).ok_or_else(|| {
@@ -69,38 +96,65 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes at a URI: `data:` or a file in the folder.
-fn fetch(uri: &str, folder: Option<&Path>, limit: u64, at: &str) -> Result<Vec<u8>, MeshError> {
-    if let Some(data) = uri.strip_prefix("data:") {
-        let (kind, text) = data.split_once(',').ok_or_else(|| fault(at, "a `data:` address without data"))?;
-        if !kind.ends_with(";base64") {
-            return Err(fault(at, "a `data:` address that is not base64"));
+/// The files that a document may name.
+fn access<'a>(folder: Option<&'a Path>, limits: &'a ReadLimits) -> FileAccess<'a> {
+    folder.map_or_else(FileAccess::default, |folder| FileAccess::of_folder(folder, &limits.allow_paths))
+}
+
+/// Where the buffers of a document come from.
+struct Source<'a> {
+    access: FileAccess<'a>,
+    /// Bytes that may still be read.
+    left: u64,
+    /// Files that were read: a small document may name one many times.
+    files: HashMap<PathBuf, Arc<[u8]>>,
+}
+
+impl Source<'_> {
+    /// The bytes at a URI: `data:` or a file that the document may name.
+    fn fetch<'b>(&mut self, uri: &str, at: &str) -> Result<Bytes<'b>, MeshError> {
+        if let Some(data) = uri.strip_prefix("data:") {
+            let (kind, text) = data.split_once(',').ok_or_else(|| fault(at, "a `data:` address without data"))?;
+            if !kind.ends_with(";base64") {
+                return Err(fault(at, "a `data:` address that is not base64"));
+            }
+            let bytes = STANDARD.decode(text);
+            let bytes = bytes.map_err(|e| fault(at, format!("base64 that cannot be decoded: {e}")))?;
+            return Ok(Bytes::Read(bytes.into()));
         }
-        return STANDARD.decode(text).map_err(|e| fault(at, format!("base64 that cannot be decoded: {e}")));
+        let named = path_of(uri).ok_or_else(|| {
+            fault(at, format!("{uri:?} is no relative path of a file; put the buffer beside the document"))
+        })?;
+        let path = self.access.resolve(&named).map_err(|e| refused(&e, at))?;
+        if let Some(known) = self.files.get(&path) {
+            return Ok(Bytes::Read(Arc::clone(known)));
+        }
+        let file = open_regular(&path).map_err(|e| fault(at, format!("{uri:?} cannot be read: {e}")))?;
+        let bytes: Arc<[u8]> = read_opened(file, self.left).map_err(|e| fault(at, format!("{uri:?}: {e}")))?.into();
+        self.left = self.left.saturating_sub(bytes.len() as u64);
+        self.files.insert(path, Arc::clone(&bytes));
+        Ok(Bytes::Read(bytes))
     }
-    let path = inside(uri, folder, at)?;
-    read_file(&path, limit).map_err(|e| fault(at, format!("{uri:?}: {e}")))
 }
 
-/// Resolves a relative URI; rejected if it leads outside the folder.
-fn inside(uri: &str, folder: Option<&Path>, at: &str) -> Result<PathBuf, MeshError> {
-    let name = percent_decoded(uri);
-    let refused = || fault(at, format!("{uri:?} leads outside the folder of the file; put the buffer beside it"));
-    let folder = folder.ok_or_else(|| fault(at, format!("{uri:?}: other files are not opened here")))?;
-    let path = Path::new(&name);
-    let stays = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if !stays || name.contains([':', '\\', '\0']) || name.is_empty() {
-        return Err(refused());
-    }
-    let missing = |e: std::io::Error| fault(at, format!("{uri:?} cannot be read: {e}"));
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let whole = folder.join(path).canonicalize().map_err(missing)?;
-    // Symbolic links may lead outside as well.
-    let home = folder.canonicalize().map_err(missing)?;
-    if whole.starts_with(home) { Ok(whole) } else { Err(refused()) }
+fn refused(error: &AccessError, at: &str) -> MeshError {
+    fault(at, error.to_string())
 }
 
-fn percent_decoded(uri: &str) -> String {
+/// The path that a URI means: its escapes decoded. `None` for other addresses than paths, and for paths of another system.
+fn path_of(uri: &str) -> Option<PathBuf> {
+    let bytes = percent_decoded(uri);
+    if bytes.is_empty() || bytes.iter().any(|b| matches!(b, b':' | b'\\' | b'\0')) {
+        return None;
+    }
+    #[cfg(unix)]
+    let name = <std::ffi::OsString as std::os::unix::ffi::OsStringExt>::from_vec(bytes);
+    #[cfg(not(unix))]
+    let name = String::from_utf8(bytes).ok()?;
+    Some(PathBuf::from(name))
+}
+
+fn percent_decoded(uri: &str) -> Vec<u8> {
     let bytes = uri.as_bytes();
     let (mut out, mut at) = (Vec::with_capacity(bytes.len()), 0);
     while at < bytes.len() {
@@ -116,5 +170,5 @@ fn percent_decoded(uri: &str) -> String {
             }
         }
     }
-    String::from_utf8_lossy(&out).into_owned()
+    out
 }

@@ -5,7 +5,8 @@
 //! passed through unparsed. A skinned mesh is read in its bind pose, as the specification requires. Nodes, skins with up to
 //! eight influences per vertex, morph targets and animations are preserved as an
 //! [`Articulation`](crate::mesh::model::articulation::Articulation) and written again. Cameras and lights are ignored. Buffers
-//! may be in the file, in `data:` URIs or in files of the same folder; nothing outside that folder is opened.
+//! may be in the file, in `data:` URIs or in files of the same folder; nothing outside that folder, and those that the limits
+//! allow besides, is opened.
 //!
 //! # Reference
 //! Khronos Group, *glTF 2.0 specification*, ISO/IEC 12113.
@@ -25,6 +26,7 @@ use crate::mesh::{GltfAssets, MeshError, ModelBuilder, Position};
 use buffers::Buffers;
 use document::Document;
 use input::Input;
+use plumbline_num::document::JsonCosts;
 use plumbline_num::document::gltf::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
 use plumbline_num::run::Run;
 
@@ -54,6 +56,10 @@ pub(super) fn read(
 ) -> Result<ModelBuilder, MeshError> {
     let (json, binary) = if format == MeshFormat::Glb { chunks(bytes)? } else { (bytes, None) };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+    JsonCosts::OF_VALUES.check(json, bytes.len() as u64).map_err(|memory| {
+        let told = format!("its values would take {memory} bytes of memory, and the file has {}", bytes.len());
+        fault("", format!("{told}: is this the right file?"))
+    })?;
     let document: Document = serde_json::from_slice(json)
         .map_err(|e| malformed(format, Position::Line(e.line()), format!("not glTF: {e}")))?;
     let version = &document.asset.version;
@@ -65,8 +71,9 @@ pub(super) fn read(
         return Err(fault("/extensionsRequired", told));
     }
     let buffers = Buffers::load(&document, binary, folder, limits)?;
-    let mut builder = scene::read(&Input::new(&document, &buffers, limits), run)?;
-    builder.assets = assets(&document, &buffers)?;
+    let size = bytes.len() as u64 + buffers.read_bytes();
+    let mut builder = scene::read(&Input::new(&document, &buffers, limits, size), run)?;
+    builder.assets = assets(&document, &buffers, size)?;
     Ok(builder)
 }
 
@@ -107,13 +114,22 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     Ok((json, binary))
 }
 
-/// Textures, samplers and images of the materials; images in buffer views with their bytes.
-fn assets(document: &Document, buffers: &Buffers<'_>) -> Result<Option<GltfAssets>, MeshError> {
-    let (mut images, mut image_bytes) = (document.images.clone(), Vec::new());
+/// Textures, samplers and images of the materials; images in buffer views with their bytes, together no more than the `size` of
+/// the files: each has its own copy, and many may name one view.
+fn assets(document: &Document, buffers: &Buffers<'_>, size: u64) -> Result<Option<GltfAssets>, MeshError> {
+    let (mut images, mut image_bytes, mut copied) = (document.images.clone(), Vec::new(), 0);
     for (k, image) in images.iter_mut().enumerate() {
         let view = image.as_object_mut().and_then(|fields| fields.remove("bufferView"));
         let bytes = match view.and_then(|view| view.as_u64()) {
-            Some(view) => Some(buffers.view(document, view as usize, &format!("/images/{k}"))?.bytes.to_vec()),
+            Some(view) => {
+                let bytes = buffers.view(document, view as usize, &format!("/images/{k}"))?.bytes;
+                copied += bytes.len() as u64;
+                if copied > size {
+                    let told = format!("the images up to this one have {copied} bytes, of files of {size}");
+                    return Err(fault(format!("/images/{k}"), told));
+                }
+                Some(bytes.to_vec())
+            }
             None => None,
         };
         image_bytes.push(bytes);

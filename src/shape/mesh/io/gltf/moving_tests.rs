@@ -80,7 +80,7 @@ fn moving() -> Value {
 }
 
 fn decode(document: &Value) -> Result<Model, MeshError> {
-    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 16 };
+    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 16, ..ReadLimits::default() };
     decode_model(document.to_string().as_bytes(), MeshFormat::Gltf, None, &limits, &Run::default())
 }
 

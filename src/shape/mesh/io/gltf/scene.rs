@@ -258,7 +258,10 @@ impl Scene<'_> {
     /// Triangles of a primitive by its mode: 4 triangles, 5 triangle strip, 6 triangle fan.
     fn triangles(&self, primitive: &Primitive, count: usize, at: &str) -> Result<Triangles, MeshError> {
         let indices: Vec<u32> = match primitive.indices {
-            None => (0..count as u32).collect(),
+            None => {
+                self.input.spend(count, at)?;
+                (0..count as u32).collect()
+            }
             Some(index) => {
                 let read = self.input.values(index, &["SCALAR"])?;
                 let number = |&value: &f64| {
@@ -295,7 +298,7 @@ impl Scene<'_> {
         let known = |&material: &usize| item(&builder.materials.all, material, at, "material");
         primitive.material.as_ref().map(known).transpose()?;
         let material = primitive.material.map_or(NO_VALUE, |m| m as u32);
-        let label = if group == Group::default() { NO_VALUE } else { builder.group(group) };
+        let label = if group == Group::default() { NO_VALUE } else { builder.group(group)? };
         let has = |name: &str| primitive.attributes.contains_key(name);
         let (normals, texture) = (has("NORMAL"), has("TEXCOORD_0"));
         for [a, b, c] in triangles {

@@ -8,7 +8,13 @@ use base64::Engine as _;
 use plumbline_num::run::Run;
 
 fn decode(bytes: &[u8], format: MeshFormat) -> Result<Model, MeshError> {
-    decode_model(bytes, format, None, &ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 16 }, &Run::default())
+    decode_model(
+        bytes,
+        format,
+        None,
+        &ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 16, ..ReadLimits::default() },
+        &Run::default(),
+    )
 }
 
 fn fault_of(document: &serde_json::Value) -> String {

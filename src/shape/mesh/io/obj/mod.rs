@@ -102,7 +102,7 @@ impl Reader {
                 let name = joined(words);
                 *(if keyword == b"o" { &mut self.group.object } else { &mut self.group.name }) = name;
                 let none = self.group == Group::default();
-                self.group_number = if none { NO_VALUE } else { self.builder.group(self.group.clone()) };
+                self.group_number = if none { NO_VALUE } else { self.builder.group(self.group.clone())? };
                 Ok(())
             }
             b"usemtl" => {

@@ -5,6 +5,9 @@ use super::super::text::{shown, whole, words};
 use super::super::{MeshFormat, malformed};
 use crate::mesh::{MeshError, Position};
 
+/// Maximum number of elements: files have two to five. Their names are compared with each other.
+const MAX_ELEMENTS: usize = 1000;
+
 /// Encoding of the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -109,6 +112,9 @@ impl Header {
                 let name = String::from_utf8_lossy(word()).into_owned();
                 let count =
                     whole(word()).ok_or_else(|| fault(line, format!("element `{name}` has no number of items")))?;
+                if self.elements.len() >= MAX_ELEMENTS {
+                    return Err(fault(line, format!("more than {MAX_ELEMENTS} elements")));
+                }
                 if self.elements.iter().any(|e| e.name == name) {
                     return Err(fault(line, format!("element `{name}` stands twice")));
                 }

@@ -20,10 +20,14 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use plumbline_camera::{CameraPose, Intrinsics, Point3};
+use plumbline_num::document::read_bounded;
 use plumbline_num::math::Point2;
 
 pub use build::models_of;
 pub use clip::{ImportedClip, ImportedShot};
+
+/// Largest file of a model, bytes: half a million images of a hundred observations each.
+const MAX_BYTES: u64 = 1 << 30;
 
 /// A reconstruction.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -142,33 +146,43 @@ impl Model {
     /// not exist.
     pub fn read(folder: &Path) -> Result<Self, ColmapError> {
         let has = |extension: &str| {
-            ["cameras", "images", "points3D"].iter().all(|n| folder.join(format!("{n}.{extension}")).is_file())
+            ["cameras", "images", "points3D"].iter().all(|n| folder.join(format!("{n}.{extension}")).exists())
         };
         let bytes = |name: &str| {
             let file = folder.join(name);
-            std::fs::read(&file).map_err(|source| ColmapError::Io { file, source })
+            read_bounded(&file, MAX_BYTES).map_err(|source| ColmapError::Io { file, source })
         };
-        let model = if has("bin") {
-            Self {
-                cameras: binary::read_cameras(&bytes("cameras.bin")?)?,
-                images: binary::read_images(&bytes("images.bin")?)?,
-                points: binary::read_points(&bytes("points3D.bin")?)?,
-            }
+        if has("bin") {
+            let files = [bytes("cameras.bin")?, bytes("images.bin")?, bytes("points3D.bin")?];
+            Self::from_binary(files.each_ref().map(Vec::as_slice))
         } else if has("txt") {
-            Self {
-                cameras: text::read_cameras(&bytes("cameras.txt")?)?,
-                images: text::read_images(&bytes("images.txt")?)?,
-                points: text::read_points(&bytes("points3D.txt")?)?,
-            }
+            let files = [bytes("cameras.txt")?, bytes("images.txt")?, bytes("points3D.txt")?];
+            Self::from_text(files.each_ref().map(Vec::as_slice))
         } else {
-            return Err(ColmapError::NoModel { folder: folder.to_owned() });
-        };
-        model.check()?;
-        Ok(model)
+            Err(ColmapError::NoModel { folder: folder.to_owned() })
+        }
+    }
+
+    /// The model of the contents of `cameras.bin`, `images.bin` and `points3D.bin`.
+    ///
+    /// # Errors
+    /// As for [`Self::read`].
+    pub fn from_binary([cameras, images, points]: [&[u8]; 3]) -> Result<Self, ColmapError> {
+        let (cameras, images) = (binary::read_cameras(cameras)?, binary::read_images(images)?);
+        Self { cameras, images, points: binary::read_points(points)? }.checked()
+    }
+
+    /// The model of the contents of `cameras.txt`, `images.txt` and `points3D.txt`.
+    ///
+    /// # Errors
+    /// As for [`Self::read`].
+    pub fn from_text([cameras, images, points]: [&[u8]; 3]) -> Result<Self, ColmapError> {
+        let (cameras, images) = (text::read_cameras(cameras)?, text::read_images(images)?);
+        Self { cameras, images, points: text::read_points(points)? }.checked()
     }
 
     /// Refuses identities that do not exist. Tracks are read from the images alone; those of the points are not checked.
-    fn check(&self) -> Result<(), ColmapError> {
+    fn checked(self) -> Result<Self, ColmapError> {
         let cameras: std::collections::HashSet<u32> = self.cameras.iter().map(|c| c.id).collect();
         let points: std::collections::HashSet<u64> = self.points.iter().map(|p| p.id).collect();
         for image in &self.images {
@@ -185,7 +199,7 @@ impl Model {
                 return Err(misfit(format!("point {id}"), "a point of the model, or -1"));
             }
         }
-        Ok(())
+        Ok(self)
     }
 }
 

@@ -63,7 +63,8 @@ pub(super) fn read_cameras(bytes: &[u8]) -> Result<Vec<Camera>, ColmapError> {
         let parameters = line.rest("the parameters of the lens, finite numbers")?;
         let known = LENSES.iter().any(|(_, name, count)| *name == model && *count == parameters.len());
         let intrinsics = known.then(|| lens(model, &parameters)).flatten();
-        let refused = || line.wrong(format!("camera model {model} {parameters:?}"), EXPECTED_LENS);
+        let shown = || &parameters[..parameters.len().min(12)];
+        let refused = || line.wrong(format!("camera model {model:.40} {:?}", shown()), EXPECTED_LENS);
         let intrinsics = intrinsics.ok_or_else(refused)?;
         cameras.push(Camera { id, width, height, intrinsics });
     }
@@ -179,7 +180,9 @@ impl<'a> Line<'a> {
 
     fn number<T: std::str::FromStr>(&mut self, expected: &'static str) -> Result<T, ColmapError> {
         let word = self.word(expected)?;
-        word.parse().map_err(|_| self.wrong(format!("{word:?}"), expected))
+        // A word may be as long as the file.
+        let shown = || word.chars().take(60).collect::<String>();
+        word.parse().map_err(|_| self.wrong(format!("{:?}", shown()), expected))
     }
 
     fn float(&mut self) -> Result<f64, ColmapError> {
