@@ -8,6 +8,7 @@ use nalgebra::Point3;
 use super::numpy::read_npy;
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::job::Job;
 use crate::pipeline::sizes::PixelSize;
 use crate::pipeline::surfaces::BackgroundColor;
 use plumbline_image::canvas::Rgb;
@@ -136,7 +137,7 @@ impl Stage for MeshRenderSettings {
         let edges = self.wireframe.then(|| polygon_edges(&posed.model));
         let mut marks = if self.handles { marks(&posed, size) } else { Vec::new() };
         if let Some(path) = &self.skeleton {
-            marks.extend(skeleton_marks(Path::new(path), size)?);
+            marks.extend(skeleton_marks(Path::new(path), size, context.job)?);
         }
         let surface = Surface { mesh: &mesh, paint, edges: edges.as_deref(), marks: &marks };
         let drawn = draw(&surface, &camera, &style(self), &context.job.run())?;
@@ -221,19 +222,15 @@ fn marks(posed: &Posed, size: (usize, usize)) -> Vec<Mark> {
 }
 
 /// The skeleton of a file: its joints, and the curve that they were made of, or else bones.
-fn skeleton_marks(path: &Path, size: (usize, usize)) -> Result<Vec<Mark>, RunError> {
+fn skeleton_marks(path: &Path, size: (usize, usize), job: &Job<'_>) -> Result<Vec<Mark>, RunError> {
     let side = size.0.min(size.1) as f64;
     let own = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
     let (skeleton, curve) = if own {
         let read = SkeletonFile::read(path).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
         (read.skeleton, read.curve)
     } else {
-        (
-            read_rig(path, &context.job.read_limits(), &context.job.run())
-                .map_err(|e| RunError::Input(e.to_string()))?
-                .skeleton,
-            None,
-        )
+        let read = read_rig(path, &job.read_limits(), &job.run());
+        (read.map_err(|e| RunError::Input(e.to_string()))?.skeleton, None)
     };
     let joints = skeleton.rest_positions();
     let numbered = skeleton.joints().iter().zip(0..);
