@@ -7,6 +7,9 @@ use plumbline::app::pipeline::{Source, print, read};
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::image::feature::Mask;
 use plumbline::image::still::{ExifTags, LoadOptions, SaveOptions, StillFormat, decode, encode};
+use plumbline::media::{
+    Input, Output, ReadOptions, SpoolOptions, VideoReader, VideoWriter, WriteOptions as ClipOptions, probe,
+};
 use plumbline::num::math::Point2;
 use plumbline::num::run::Run;
 use plumbline::num::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
@@ -35,6 +38,39 @@ pub fn motion_file(bytes: &[u8]) {
         if clip.write_json(&mut text).is_ok() {
             ClipMotion::from_json(&text[..]).expect("own files are read");
         }
+    }
+}
+
+/// A clip of any bytes is refused or read, never a panic or a hang. What is read is encoded with everything else of it copied,
+/// and a file that was finished can be read.
+pub fn clip_file(bytes: &[u8]) {
+    let Ok(input) = Input::spool(bytes, &SpoolOptions::default()) else { return };
+    let known = probe(&input);
+    let options = ReadOptions { threads: 1, ..ReadOptions::default() };
+    let Ok(mut reader) = VideoReader::open(&input, &options) else { return };
+    assert!(known.is_ok_and(|known| known.video.is_some()), "what can be opened can be probed");
+    if reader.info().width * reader.info().height > 1 << 20 {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for name in ["out.mkv", "out.mp4"] {
+        let path = folder.path().join(name);
+        let options = ClipOptions { preset: Some("ultrafast".to_owned()), threads: 1, ..ClipOptions::default() };
+        let Ok(mut writer) = VideoWriter::create(&Output::parse(&path), &input, reader.info(), &options) else {
+            continue;
+        };
+        let mut whole = true;
+        while let (true, Ok(Some(frame))) = (whole, reader.next_frame()) {
+            whole = writer.write(frame).is_ok();
+        }
+        if whole && writer.finish().is_ok_and(|report| report.frames > 0) {
+            let result = Input::parse(&path).expect("a file");
+            VideoReader::open(&result, &ReadOptions::default()).expect("own files are read");
+        }
+        let Ok(again) = VideoReader::open(&input, &ReadOptions { threads: 1, ..ReadOptions::default() }) else {
+            return;
+        };
+        reader = again;
     }
 }
 

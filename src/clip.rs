@@ -53,7 +53,7 @@ impl ClipFile {
     /// # Errors
     /// [`ClipFileError::Media`]: a file that is missing or no video.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, ClipFileError> {
-        Self::of(Input::parse(&path.as_ref().to_string_lossy())?)
+        Self::of(Input::parse(path.as_ref())?)
     }
 
     /// A clip of any input.
@@ -90,7 +90,7 @@ impl ClipFile {
     /// # Errors
     /// As for [`Self::render_with`].
     pub fn render(&self, plan: &Plan, path: impl AsRef<Path>, run: &Run) -> Result<WriteReport, ClipFileError> {
-        let output = Output::parse(&path.as_ref().to_string_lossy());
+        let output = Output::parse(path.as_ref());
         self.render_with(plan, &output, &WriteOptions { overwrite: true, ..WriteOptions::default() }, run)
     }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::av::AvError;
+use plumbline_num::run::Stopped;
 
 /// Who can do something about an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,6 +137,9 @@ pub enum MediaError {
         /// What was to be allocated.
         what: String,
     },
+    /// The call was stopped from outside.
+    #[error(transparent)]
+    Interrupted(#[from] Stopped),
     /// FFmpeg failed where it should not.
     #[error("{doing}: {reason}")]
     Internal {
@@ -158,7 +162,9 @@ impl MediaError {
             | Self::Input { .. } => Fault::Input,
             Self::UnknownContainer { .. } | Self::Usage { .. } => Fault::Usage,
             Self::TargetExists { .. } | Self::Output { .. } | Self::DiskFull { .. } => Fault::Output,
-            Self::SpoolLimit { .. } | Self::Spool { .. } | Self::NoMemory { .. } => Fault::Environment,
+            Self::SpoolLimit { .. } | Self::Spool { .. } | Self::NoMemory { .. } | Self::Interrupted(_) => {
+                Fault::Environment
+            }
             Self::Internal { .. } => Fault::Internal,
         }
     }
@@ -166,6 +172,14 @@ impl MediaError {
     /// An input that cannot be processed: what is wrong, and what to do.
     pub(super) fn input(path: &str, problem: String) -> Self {
         Self::Input { path: path.to_owned(), problem }
+    }
+
+    /// A clip that ends before its container says, where that is an error.
+    pub(super) fn cut_short(path: &str, shortfall: &str) -> Self {
+        Self::input(
+            path,
+            format!("{shortfall} (refused because of strict); get the whole file, or allow what is there"),
+        )
     }
 
     /// A span without a frame: from `start` to `end` of a clip of `length`, s; infinite where open, NaN where unknown.
@@ -191,6 +205,9 @@ impl MediaError {
 
     /// An error of FFmpeg while writing `path`.
     pub(super) fn writing(path: &Path, source: AvError) -> Self {
+        if source == AvError::EXIT {
+            return Stopped::Interrupted.into();
+        }
         match source.errno() {
             Some(libc::ENOSPC | libc::EDQUOT) => Self::DiskFull { path: path.to_owned() },
             Some(libc::ENOMEM) => Self::NoMemory { what: format!("writing {}", path.display()) },

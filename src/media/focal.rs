@@ -17,7 +17,6 @@
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
 
 /// Diagonal of a 35-mm frame, mm.
 const DIAGONAL_MM: f64 = 43.266_615_305_567_87;
@@ -48,8 +47,8 @@ fn millimeters(text: &str) -> Option<f64> {
 }
 
 /// The focal length among the keys of the tracks of a QuickTime or MP4 file, mm in 35-mm terms; `None` for any other file.
-pub(super) fn of_tracks(path: &Path) -> Option<f64> {
-    let mut atoms = Atoms { file: File::open(path).ok()?, left: MAX_ATOMS };
+pub(super) fn of_tracks(file: File) -> Option<f64> {
+    let mut atoms = Atoms { file, left: MAX_ATOMS };
     let end = atoms.file.metadata().ok()?.len();
     let movie = atoms.child(0..end, *b"moov")?;
     let mut at = movie.start;
@@ -179,7 +178,7 @@ mod tests {
     fn read(bytes: &[u8]) -> Option<f64> {
         let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
         file.write_all(bytes).expect("a small file");
-        of_tracks(file.path())
+        of_tracks(file.reopen().expect("reopens"))
     }
 
     #[test]

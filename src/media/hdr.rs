@@ -76,7 +76,7 @@ mod tests {
     #[test]
     fn both_encoders_get_the_numbers_of_the_standard() {
         let light = [1000_u32, 400].into_iter().flat_map(u32::to_ne_bytes).collect();
-        let hdr = HdrBytes { mastering: Some(bt2020()), light: Some(light) };
+        let hdr = HdrBytes { mastering: Some(bt2020()), light: Some(light), ..HdrBytes::default() };
         assert_eq!(
             x26x_parameters(&hdr, "libx265").as_deref(),
             Some("master-display=G(8500,39850)B(6550,2300)R(35400,14600)WP(15635,16450)L(10000000,1):max-cll=1000,400")

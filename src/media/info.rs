@@ -69,6 +69,8 @@ impl std::fmt::Display for Ratio {
 pub(super) struct HdrBytes {
     pub(super) mastering: Option<Vec<u8>>,
     pub(super) light: Option<Vec<u8>>,
+    /// Metadata that change from scene to scene, by their usual names.
+    pub(super) dynamic: Vec<&'static str>,
 }
 
 /// The video stream of an input, with the properties of its file.
@@ -105,6 +107,8 @@ pub struct VideoInfo {
     pub duration_s: Option<f64>,
     /// Index of the stream in the container.
     pub stream: usize,
+    /// The other video streams of the container.
+    pub other_videos: Vec<usize>,
     pub(super) chroma_location: i32,
     pub(super) hdr: HdrBytes,
 }

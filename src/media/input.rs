@@ -4,16 +4,22 @@
 //! keep the timestamps of the source, so that two passes and a motion file agree; the writer moves everything by `−start`,
 //! so that the result begins at its beginning. Audio and subtitle packets that overlap the span are kept whole.
 
+use std::ffi::{OsStr, OsString};
+use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
 
-use super::MediaError;
-use super::av::{AvError, Demuxer, Dictionary, log};
+use super::av::{AvError, Demuxer, Dictionary, Guard, InputFormat, Nested, Packet, Rational, c_path, log};
 use super::error::reason;
+use super::extent::{self, Extent};
 use super::info::Ratio;
 use super::sequence::Sequence;
-use plumbline_num::files::AtomicFile;
+use super::{MediaError, playlist};
+use plumbline_num::files::{AtomicFile, open_regular};
+use plumbline_num::run::{Interrupt, Stopped};
 
 /// Default limit of the copy of standard input, bytes.
 pub const SPOOL_LIMIT: u64 = 16 << 30;
@@ -29,6 +35,9 @@ pub struct Input {
     start: Option<f64>,
     end: Option<f64>,
     rate: Option<Ratio>,
+    stream: Option<usize>,
+    playlists: bool,
+    interrupt: Interrupt,
 }
 
 #[derive(Clone, Debug)]
@@ -45,38 +54,42 @@ pub struct SpoolOptions {
     pub folder: PathBuf,
     /// Largest size, bytes.
     pub limit: u64,
+    /// Ends the copying of standard input, also while nothing comes.
+    pub interrupt: Interrupt,
 }
 
 impl Default for SpoolOptions {
     fn default() -> Self {
-        Self { folder: std::env::temp_dir(), limit: SPOOL_LIMIT }
+        Self { folder: std::env::temp_dir(), limit: SPOOL_LIMIT, interrupt: Interrupt::default() }
     }
 }
 
 impl Input {
     /// A file name, a pattern such as `frames/%05d.png`, or `-` for standard input, which is copied to a temporary file
-    /// at once because a clip is read more than once.
+    /// at once because a clip is read more than once. Names need not be UTF-8.
     ///
     /// # Errors
-    /// [`MediaError::Missing`], [`MediaError::Empty`], [`MediaError::Input`] for anything that is not a local file; spooling
-    /// errors for `-`.
-    pub fn parse(text: &str) -> Result<Self, MediaError> {
-        if text == "-" { Self::spool(std::io::stdin().lock(), &SpoolOptions::default()) } else { Self::local(text) }
+    /// [`MediaError::Missing`], [`MediaError::Empty`], [`MediaError::Input`] for anything that is not a local regular file;
+    /// spooling errors for `-`.
+    pub fn parse(name: impl AsRef<OsStr>) -> Result<Self, MediaError> {
+        let name = name.as_ref();
+        if name == "-" { Self::standard_input(&SpoolOptions::default()) } else { Self::local(name) }
     }
 
-    fn local(text: &str) -> Result<Self, MediaError> {
-        let path = Path::new(text);
+    fn local(name: &OsStr) -> Result<Self, MediaError> {
+        let path = Path::new(name);
+        let text = name.to_string_lossy();
         if !path.exists()
-            && let Some(sequence) = Sequence::find(text)?
+            && let Some(sequence) = Sequence::find(name)?
         {
-            return Ok(Self::of(text, Source::Sequence(sequence)));
+            return Ok(Self::of(&text, Source::Sequence(sequence)));
         }
         if let Some((protocol, _)) = text.split_once("://").filter(|_| !path.exists()) {
             let problem = format!("only local files are read (protocol \"{protocol}\" refused); fetch the file first");
-            return Err(MediaError::input(text, problem));
+            return Err(MediaError::input(&text, problem));
         }
-        readable(path, text)?;
-        Ok(Self::of(text, Source::File(path.to_owned())))
+        readable(path, &text)?;
+        Ok(Self::of(&text, Source::File(path.to_owned())))
     }
 
     /// Pictures as a clip, in the order given; `name` is used in messages.
@@ -88,7 +101,24 @@ impl Input {
     }
 
     fn of(name: &str, source: Source) -> Self {
-        Self { name: name.to_owned(), source, start: None, end: None, rate: None }
+        Self {
+            name: name.to_owned(),
+            source,
+            start: None,
+            end: None,
+            rate: None,
+            stream: None,
+            playlists: false,
+            interrupt: Interrupt::default(),
+        }
+    }
+
+    /// Standard input, copied to a temporary file, which lives as long as the input.
+    ///
+    /// # Errors
+    /// As for [`Self::spool`]; [`MediaError::Interrupted`].
+    pub fn standard_input(options: &SpoolOptions) -> Result<Self, MediaError> {
+        Self::spool(Interruptible::new(std::io::stdin(), &options.interrupt), options)
     }
 
     /// Copies `reader` to a temporary file, which lives as long as the input.
@@ -101,7 +131,11 @@ impl Input {
         let mut copy = AtomicFile::private(&options.folder, "plumbline-stdin-").map_err(fail)?;
         tracing::info!("copying standard input to {} (at most {} bytes)", copy.path().display(), options.limit);
         let file = copy.file().ok_or_else(|| fail(std::io::ErrorKind::Unsupported.into()))?;
-        let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), file).map_err(fail)?;
+        let copied = std::io::copy(&mut reader.take(options.limit.saturating_add(1)), file);
+        if options.interrupt.is_stopped() {
+            return Err(Stopped::Interrupted.into());
+        }
+        let copied = copied.map_err(fail)?;
         match copied {
             0 => Err(MediaError::Empty { path: "standard input".into() }),
             n if n > options.limit => Err(MediaError::SpoolLimit { limit: options.limit, place: place() }),
@@ -131,6 +165,26 @@ impl Input {
             return Err(MediaError::Usage { problem: format!("{}: {why}", self.name) });
         }
         Ok(Self { rate: Some(rate), ..self })
+    }
+
+    /// The same input with stream `index` of the container as its video, counted as [`super::probe`] lists them; FFmpeg's choice
+    /// unless set. A stream that is not there or no video is reported when the clip is opened.
+    #[must_use]
+    pub fn with_stream(self, index: Option<usize>) -> Self {
+        Self { stream: index, ..self }
+    }
+
+    /// The same input, which may be a playlist (HLS, ffconcat) of files in its own folder; refused unless allowed, since a text
+    /// under a video's name could otherwise make any file that can be read part of the result.
+    #[must_use]
+    pub fn allowing_playlists(self, allowed: bool) -> Self {
+        Self { playlists: allowed, ..self }
+    }
+
+    /// The same input, whose readers stop with [`MediaError::Interrupted`] once `interrupt` is raised, whatever FFmpeg is doing.
+    #[must_use]
+    pub fn with_interrupt(self, interrupt: &Interrupt) -> Self {
+        Self { interrupt: interrupt.clone(), ..self }
     }
 
     /// The frame rate that was assumed, 1/s: of an image sequence for which none was given.
@@ -186,65 +240,228 @@ impl Input {
     /// Opens the container.
     pub(super) fn demux(&self) -> Result<Demuxer, MediaError> {
         log::forget();
-        // Playlists and the like may name other files, but nothing on a network.
-        let options = Dictionary::new().with("protocol_whitelist", "file,pipe,crypto,data");
-        let opened = match &self.source {
-            Source::Sequence(sequence) => {
-                let rate = self.rate.unwrap_or(PICTURE_RATE);
-                let options =
-                    options.with("start_number", &sequence.first().to_string()).with("framerate", &rate.to_string());
-                Demuxer::open(sequence.pattern(), Some("image2"), options)
+        if self.interrupt.is_stopped() {
+            return Err(Stopped::Interrupted.into());
+        }
+        match &self.source {
+            Source::Sequence(sequence) => self.open_pictures(sequence),
+            Source::File(_) | Source::Spooled(_) => self.open_container(),
+        }
+    }
+
+    /// The file, opened once more.
+    pub(super) fn file(&self) -> Result<File, MediaError> {
+        open(self.path(), &self.name)
+    }
+
+    /// The file ends before its container says.
+    pub(super) fn is_cut(&self, demuxer: &Demuxer) -> bool {
+        if self.is_sequence() {
+            return false;
+        }
+        self.file().is_ok_and(|file| extent::of(file, &demuxer.format_name()) != Extent::Whole)
+    }
+
+    /// Some stream has a packet that ends later than `from`, s on the file's clock. Read from the last key frame of `stream` before
+    /// it on; a file that cannot be searched counts as having one.
+    pub(super) fn has_packets_at(&self, stream: usize, from: f64, slack: f64) -> bool {
+        let Ok(mut demuxer) = self.demux() else { return true };
+        let base = demuxer.stream(stream).time_base();
+        let micro = |s: f64| (s * 1e6).round() as i64;
+        if demuxer.seek(stream, Rational::MICRO.rescale(micro(from - slack), base)).is_err() {
+            return true;
+        }
+        let mut packet = Packet::new();
+        loop {
+            match demuxer.read(&mut packet) {
+                Ok(true) => {
+                    let base = demuxer.stream(packet.stream()).time_base();
+                    let end = packet.pts().or(packet.dts()).map(|t| t.saturating_add(packet.duration()));
+                    if end.is_some_and(|t| base.rescale(t, Rational::MICRO) > micro(from)) {
+                        return true;
+                    }
+                }
+                Err(AvError::INVALID_DATA) => {}
+                Ok(false) | Err(_) => return false,
             }
-            _ => Demuxer::open(&local_url(self.path()), None, options),
-        };
-        let demuxer = opened.map_err(|e| self.open_error(e))?;
-        self.refuse_stills(&demuxer)?;
-        Ok(demuxer)
+        }
+    }
+
+    fn open_container(&self) -> Result<Demuxer, MediaError> {
+        let file = self.file()?;
+        let failed = |e: std::io::Error| MediaError::input(&self.name, format!("cannot be read: {e}"));
+        let length = file.metadata().map_err(failed)?.len();
+        let extension = self.path().extension().and_then(OsStr::to_str).unwrap_or_default();
+        let guard = Guard::new(&self.interrupt, Nested::Refused, length);
+        let copy = file.try_clone().map_err(failed)?;
+        let format = InputFormat::recognize(copy, extension, &guard).map_err(|e| self.open_error(e))?;
+        if format.is_container() {
+            let opened = Demuxer::open(file, extension, format, Arc::clone(&guard));
+            return opened.map_err(|e| self.refused_file(&guard).unwrap_or_else(|| self.open_error(e)));
+        }
+        self.refuse_stills(format)?;
+        if !self.playlists || !playlist::is_readable(format) {
+            return Err(playlist::refusal(&self.name, format));
+        }
+        let list = playlist::Playlist::new(self.path(), &self.name, format, &file, &self.interrupt)?;
+        let guard = list.guard(&self.interrupt);
+        let opened = list.open(file, Arc::clone(&guard));
+        opened.map_err(|e| self.refused_file(&guard).unwrap_or_else(|| self.open_error(e)))
+    }
+
+    fn open_pictures(&self, sequence: &Sequence) -> Result<Demuxer, MediaError> {
+        let rate = self.rate.unwrap_or(PICTURE_RATE);
+        let options = Dictionary::new()
+            .with("pattern_type", "sequence")
+            .with("codec_whitelist", PICTURE_DECODERS)
+            .with("start_number", &sequence.first().to_string())
+            .with("framerate", &rate.to_string());
+        let format = InputFormat::named(c"image2").ok_or_else(|| self.open_error(AvError::UNKNOWN_CODEC))?;
+        let guard = Guard::new(&self.interrupt, Nested::Pictures, 0);
+        let opened = Demuxer::open_as(None, &c_path(sequence.pattern()), format, options, Arc::clone(&guard));
+        opened.map_err(|e| self.refused_file(&guard).unwrap_or_else(|| self.open_error(e)))
+    }
+
+    /// The video stream: the one that was chosen, else the best one; `None` where there is no video.
+    ///
+    /// # Errors
+    /// [`MediaError::Usage`] where the chosen one is not there or no video.
+    pub(super) fn video_of(&self, demuxer: &Demuxer) -> Result<Option<usize>, MediaError> {
+        let Some(index) = self.stream else { return Ok(demuxer.best_video()) };
+        if demuxer.is_video(index) {
+            return Ok(Some(index));
+        }
+        let videos: Vec<String> = demuxer.videos().map(|i| i.to_string()).collect();
+        let (name, videos) = (&self.name, videos.join(", "));
+        let kind = if index < demuxer.stream_count() { "is no video" } else { "is not there" };
+        let help = if videos.is_empty() { "there is none".to_owned() } else { format!("take one of {videos}") };
+        Err(MediaError::Usage { problem: format!("{name}: stream {index} {kind}; of the video streams {help}") })
+    }
+
+    /// The container named a file that it must not.
+    fn refused_file(&self, guard: &Guard) -> Option<MediaError> {
+        let name = guard.refused()?;
+        let problem =
+            format!("names another file that is not read ({name}): it must be a regular file within the same folder");
+        Some(MediaError::input(&self.name, problem))
     }
 
     fn open_error(&self, error: AvError) -> MediaError {
         let path = self.name.clone();
-        match error.errno() {
-            Some(libc::ENOENT) => MediaError::Missing { path },
-            Some(libc::EACCES | libc::EISDIR | libc::EIO) => {
+        match (error, error.errno()) {
+            (AvError::EXIT, _) => Stopped::Interrupted.into(),
+            (AvError::NO_PROGRESS, _) => {
+                MediaError::input(&path, "FFmpeg reads it without end and finds nothing: it is damaged".into())
+            }
+            (_, Some(libc::ENOENT)) => MediaError::Missing { path },
+            (_, Some(libc::EACCES | libc::EISDIR | libc::EIO)) => {
                 MediaError::input(&path, format!("cannot be read: {error}"))
             }
-            Some(libc::ENOMEM) => MediaError::NoMemory { what: format!("opening {path}") },
+            (_, Some(libc::ENOMEM)) => MediaError::NoMemory { what: format!("opening {path}") },
             _ => MediaError::NotMedia { path, reason: reason(error) },
         }
     }
 
     /// FFmpeg reads a photo as a clip of one frame; under a video's name it is a mistake.
-    fn refuse_stills(&self, demuxer: &Demuxer) -> Result<(), MediaError> {
-        let format = demuxer.format_name();
-        let still = format == "image2" || format.ends_with("_pipe");
-        if still && !self.is_sequence() {
-            let format = format.trim_end_matches("_pipe");
-            let help = "a sequence is given as frames/%05d.png or by its folder";
-            return Err(MediaError::input(&self.name, format!("is a still picture ({format}), not a video; {help}")));
+    fn refuse_stills(&self, format: InputFormat) -> Result<(), MediaError> {
+        let format = format.name();
+        if format != "image2" && !format.ends_with("_pipe") {
+            return Ok(());
         }
-        Ok(())
+        let format = format.trim_end_matches("_pipe");
+        let help = "a sequence is given as frames/%05d.png or by its folder";
+        Err(MediaError::input(&self.name, format!("is a still picture ({format}), not a video; {help}")))
     }
 }
 
+/// Bytes in one piece between the two threads of [`Interruptible`].
+const PIECE: usize = 1 << 16;
+
+/// How often an interrupt is looked for while nothing comes.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// A reader that may block for good, read on a thread of its own: the caller stops waiting once it is interrupted.
+struct Interruptible {
+    pieces: Receiver<std::io::Result<Vec<u8>>>,
+    piece: std::io::Cursor<Vec<u8>>,
+    interrupt: Interrupt,
+}
+
+impl Interruptible {
+    fn new(mut reader: impl Read + Send + 'static, interrupt: &Interrupt) -> Self {
+        let (sender, pieces) = std::sync::mpsc::sync_channel(4);
+        // Not joined: it may wait for bytes for as long as the program runs, and ends with whoever listens.
+        std::thread::spawn(move || {
+            loop {
+                let mut piece = vec![0; PIECE];
+                let read = reader.read(&mut piece).map(|n| {
+                    piece.truncate(n);
+                    piece
+                });
+                let ended = read.as_ref().is_ok_and(Vec::is_empty);
+                let failed = read.as_ref().is_err_and(|e| e.kind() != std::io::ErrorKind::Interrupted);
+                if sender.send(read).is_err() || ended || failed {
+                    break;
+                }
+            }
+        });
+        Self { pieces, piece: std::io::Cursor::default(), interrupt: interrupt.clone() }
+    }
+}
+
+impl Read for Interruptible {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        loop {
+            match self.piece.read(buffer)? {
+                0 => {}
+                n => return Ok(n),
+            }
+            if self.interrupt.is_stopped() {
+                return Err(std::io::Error::other("interrupted"));
+            }
+            match self.pieces.recv_timeout(PATIENCE) {
+                Ok(piece) => {
+                    let piece = piece?;
+                    if piece.is_empty() {
+                        return Ok(0);
+                    }
+                    self.piece = std::io::Cursor::new(piece);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Ok(0),
+            }
+        }
+    }
+}
+
+/// FFmpeg's decoders of still pictures; others (vector graphics, video) have no place in a sequence.
+const PICTURE_DECODERS: &str = "png,apng,mjpeg,jpegls,jpeg2000,libopenjpeg,libjxl,tiff,bmp,webp,exr,dpx,pam,pbm,pgm,pgmyuv,\
+                                ppm,pfm,phm,targa,sgi,sunrast,gif,psd,qoi,hdr,pcx,xbm,xpm,xwd,dds,cri,av1,libdav1d,hevc";
+
 fn readable(path: &Path, name: &str) -> Result<(), MediaError> {
-    let unreadable = |reason: String| MediaError::input(name, format!("cannot be read: {reason}"));
-    let meta = std::fs::metadata(path).map_err(|e| match e.kind() {
+    let file = open(path, name)?;
+    match file.metadata() {
+        Ok(meta) if meta.len() == 0 => Err(MediaError::Empty { path: name.to_owned() }),
+        _ => Ok(()),
+    }
+}
+
+fn open(path: &Path, name: &str) -> Result<File, MediaError> {
+    open_regular(path).map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => MediaError::Missing { path: name.to_owned() },
-        _ => unreadable(e.to_string()),
-    })?;
-    if meta.is_dir() {
-        return Err(unreadable("it is a folder".into()));
-    }
-    if meta.is_file() && meta.len() == 0 {
-        return Err(MediaError::Empty { path: name.to_owned() });
-    }
-    std::fs::File::open(path).map(|_| ()).map_err(|e| unreadable(e.to_string()))
+        // A clip is read more than once.
+        std::io::ErrorKind::InvalidInput => {
+            MediaError::input(name, format!("cannot be read: it is {e}; - reads standard input, which is copied"))
+        }
+        _ => MediaError::input(name, format!("cannot be read: {e}")),
+    })
 }
 
 /// The file protocol spelled out: a name with a colon in it is a name, not a protocol.
-pub(super) fn local_url(path: &Path) -> String {
-    format!("file:{}", path.display())
+pub(super) fn local_url(path: &Path) -> OsString {
+    let mut url = OsString::from("file:");
+    url.push(path);
+    url
 }
 
 #[cfg(test)]
@@ -263,7 +480,7 @@ mod tests {
     #[test]
     fn standard_input_is_spooled_up_to_its_limit() {
         let folder = tempfile::tempdir().expect("temporary folder");
-        let options = SpoolOptions { folder: folder.path().into(), limit: 4 };
+        let options = SpoolOptions { folder: folder.path().into(), limit: 4, ..SpoolOptions::default() };
         let input = Input::spool(&b"abcd"[..], &options).expect("fits");
         assert_eq!(std::fs::read(input.path()).expect("spooled"), b"abcd");
         let copy = input.path().to_owned();
@@ -272,6 +489,30 @@ mod tests {
         assert!(matches!(Input::spool(&b"abcde"[..], &options), Err(MediaError::SpoolLimit { limit: 4, .. })));
         assert!(matches!(Input::spool(&b""[..], &options), Err(MediaError::Empty { .. })));
         assert_eq!(std::fs::read_dir(folder.path()).expect("folder").count(), 0);
+    }
+
+    #[test]
+    fn waiting_for_bytes_that_never_come_can_be_interrupted() {
+        struct Silent;
+        impl Read for Silent {
+            fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+                loop {
+                    std::thread::park();
+                }
+            }
+        }
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let interrupt = Interrupt::new();
+        let options =
+            SpoolOptions { folder: folder.path().into(), interrupt: interrupt.clone(), ..SpoolOptions::default() };
+        interrupt.stop();
+        let error = Input::spool(Interruptible::new(Silent, &interrupt), &options).expect_err("stops");
+        assert!(matches!(error, MediaError::Interrupted(_)), "{error}");
+        let bytes = vec![7; 3 * PIECE + 5];
+        let calm = Interrupt::new();
+        let input =
+            Input::spool(Interruptible::new(std::io::Cursor::new(bytes.clone()), &calm), &SpoolOptions::default());
+        assert_eq!(std::fs::read(input.expect("spools").path()).expect("spooled"), bytes);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! is under the final name and the input is untouched.
 
 use std::collections::HashSet;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use super::av::OutputFormat;
@@ -26,12 +27,12 @@ enum Target {
 }
 
 impl Output {
-    /// A file name, a pattern such as `frames/%05d.png`, or `-` for standard output.
-    pub fn parse(text: &str) -> Self {
-        let path = Path::new(text);
-        let numbered = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse).is_some();
-        let target = match text {
-            "-" => Target::Stdout,
+    /// A file name, a pattern such as `frames/%05d.png`, or `-` for standard output. Names need not be UTF-8.
+    pub fn parse(name: impl AsRef<OsStr>) -> Self {
+        let path = Path::new(name.as_ref());
+        let numbered = path.file_name().and_then(Pattern::parse).is_some();
+        let target = match path {
+            _ if name.as_ref() == "-" => Target::Stdout,
             _ if numbered => Target::Sequence(path.to_owned()),
             _ => Target::File(path.to_owned()),
         };
@@ -149,8 +150,8 @@ fn identity(path: &Path) -> Option<Identity> {
 }
 
 fn files_of_sequence(path: &Path) -> Vec<PathBuf> {
-    let Some(pattern) = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse) else { return Vec::new() };
-    let matches = |p: &PathBuf| p.file_name().and_then(|n| n.to_str()).is_some_and(|n| pattern.number(n).is_some());
+    let Some(pattern) = path.file_name().and_then(Pattern::parse) else { return Vec::new() };
+    let matches = |p: &PathBuf| p.file_name().is_some_and(|n| pattern.number(n).is_some());
     let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten();
     entries.filter_map(|e| Some(e.ok()?.path())).filter(matches).collect()
 }
@@ -176,11 +177,11 @@ impl Partial {
     }
 
     /// What FFmpeg is to open.
-    pub(super) fn url(&self) -> String {
+    pub(super) fn url(&self) -> OsString {
         match self {
             Self::Stdout => "pipe:1".into(),
             Self::File { partial, .. } => super::input::local_url(partial.path()),
-            Self::Folder { partial, target, .. } => muxer_pattern(partial.path(), &target.to_string_lossy()),
+            Self::Folder { partial, target, .. } => muxer_pattern(partial.path(), target.as_os_str()),
         }
     }
 
@@ -234,7 +235,7 @@ mod tests {
         };
         let partial = output.begin(IfExists::Refuse).expect("begin");
         assert_eq!(names().len(), 1);
-        assert!(!target.exists() && partial.url().contains("out.partial-"));
+        assert!(!target.exists() && partial.url().to_string_lossy().contains("out.partial-"));
         drop(partial);
         assert!(names().is_empty());
         output.begin(IfExists::Refuse).expect("begin").publish().expect("publish");

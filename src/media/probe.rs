@@ -135,7 +135,7 @@ pub struct ChapterInfo {
 /// Reads the headers of `input`. Files without video are described like any others.
 ///
 /// # Errors
-/// [`MediaError::NotMedia`], [`MediaError::Input`].
+/// [`MediaError::NotMedia`], [`MediaError::Input`]; [`MediaError::Usage`] where a stream was chosen that is not there.
 pub fn probe(input: &Input) -> Result<MediaInfo, MediaError> {
     let demuxer = input.demux()?;
     let seconds = |us: i64| us as f64 * 1e-6;
@@ -154,8 +154,8 @@ pub fn probe(input: &Input) -> Result<MediaInfo, MediaError> {
         start_s: demuxer.start_us().map(seconds),
         duration_s: demuxer.duration_us().map(seconds),
         bit_rate: demuxer.bit_rate(),
-        video: demuxer.best_video(),
-        focal_35mm: told.or_else(|| quicktime.then(|| focal::of_tracks(input.path())).flatten()),
+        video: input.video_of(&demuxer)?,
+        focal_35mm: told.or_else(|| quicktime.then(|| input.file().ok().and_then(focal::of_tracks)).flatten()),
         streams,
         chapters: demuxer.chapters().into_iter().map(chapter).collect(),
         tags,

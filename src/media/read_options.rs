@@ -35,6 +35,9 @@ pub struct ReadOptions {
     pub threads: usize,
     /// What to do with interlaced pictures.
     pub deinterlace: Deinterlace,
+    /// A file that ends before its container says is [`super::MediaError::Input`], as early as that shows; without it, it is read
+    /// as far as it goes, and [`ReadReport::truncated`] is set.
+    pub strict: bool,
 }
 
 /// What became of a clip that was read to its end.
@@ -56,6 +59,19 @@ pub struct ReadReport {
     pub deinterlaced: u64,
     /// Pictures without a flag look interlaced, in this order.
     pub unflagged_fields: Option<FieldOrder>,
-    /// The file ended before its own index says.
+    /// The file ended before its container says, within the wanted span.
     pub truncated: bool,
+    /// Frames that the container announces, or that its length and mean rate make; only where `truncated`.
+    pub announced: Option<u64>,
+}
+
+impl ReadReport {
+    /// What a file that is cut short has and should have, in words; `None` for one that is not.
+    pub fn shortfall(&self) -> Option<String> {
+        let frames = self.frames;
+        self.truncated.then(|| match self.announced.filter(|n| *n > frames) {
+            Some(announced) => format!("the file is cut short: {frames} of {announced} frames are there"),
+            None => format!("the file is cut short after {frames} frames"),
+        })
+    }
 }

@@ -9,7 +9,7 @@
 
 use std::collections::VecDeque;
 
-use super::av::{AvError, AvFrame, Decoder, Demuxer, Packet, Rational};
+use super::av::{AvError, AvFrame, DOLBY_VISION, Decoder, Demuxer, Packet, Rational, StreamRef};
 use super::clock::Clock;
 use super::deinterlace::Deinterlacer;
 use super::fields::FieldDetector;
@@ -19,10 +19,15 @@ use super::probe::kinds;
 use super::unpack::{Unpacker, extra};
 use super::{Input, MediaError, ReadOptions, ReadReport};
 use plumbline_image::{Frame, FrameBuffer};
+use plumbline_num::run::Stopped;
 use plumbline_num::time::{Timebase, Timestamp};
 
-/// Consecutive read errors after which a file counts as ended: a demuxer without progress would never stop.
-const MAX_BAD_READS: u32 = 256;
+/// Consecutive errors of the decoder, without a packet or a picture in between, after which it counts as ended.
+const MAX_BAD_PICTURES: u32 = 256;
+
+/// Part of a clip's length that may be missing at its end without a word, and the least such length, s: lengths in headers are
+/// rounded, and sound often ends a little later than the pictures.
+const TOLERANCE: (f64, f64) = (0.02, 1.0);
 
 /// A clip being decoded.
 pub struct VideoReader {
@@ -37,6 +42,12 @@ pub struct VideoReader {
     ready: VecDeque<Frame>,
     report: ReadReport,
     ended: bool,
+    source: Input,
+    strict: bool,
+    /// The bytes of the file end before its container says.
+    cut: bool,
+    /// Where the last frame ends, ticks.
+    reached: i64,
 }
 
 /// The part of the clip that is wanted, in ticks of the stream.
@@ -54,24 +65,43 @@ impl VideoReader {
     pub fn open(input: &Input, options: &ReadOptions) -> Result<Self, MediaError> {
         let name = input.name().to_owned();
         let demuxer = input.demux()?;
-        let Some(stream) = demuxer.best_video() else {
+        let Some(stream) = input.video_of(&demuxer)? else {
             return Err(MediaError::NoVideo { found: kinds(&demuxer), path: name });
         };
         let span = Span::of(input, &demuxer, stream);
+        let cut = input.is_cut(&demuxer);
         let mut core = Core::new(demuxer, stream, options.threads, &name)?;
         core.seek(span.start);
         let mut report = ReadReport::default();
         let Some(first) = core.next_within(span, &mut report)? else {
             return Err(nothing_decoded(input, &core));
         };
+        if cut && options.strict && span.end == i64::MAX {
+            return Err(MediaError::cut_short(&name, "the file is cut short: its container is longer than its bytes"));
+        }
         let unpacker = Unpacker::new(&first, &name)?;
         let info = describe_video(input, &core, &first, &unpacker);
         let clock = Clock::new(info.mean_ticks());
         let deinterlacer = Deinterlacer::new(options.deinterlace);
         let ready = VecDeque::new();
         let fields = FieldDetector::default();
-        let mut this =
-            Self { name, core, unpacker, deinterlacer, fields, info, clock, span, ready, report, ended: false };
+        let mut this = Self {
+            name,
+            core,
+            unpacker,
+            deinterlacer,
+            fields,
+            info,
+            clock,
+            span,
+            ready,
+            report,
+            ended: false,
+            source: input.clone(),
+            strict: options.strict,
+            cut,
+            reached: i64::MIN,
+        };
         this.accept(first)?;
         Ok(this)
     }
@@ -90,7 +120,7 @@ impl VideoReader {
         while self.ready.is_empty() && !self.ended {
             match self.core.next_within(self.span, &mut self.report)? {
                 Some(picture) => self.accept(picture)?,
-                None => self.end(),
+                None => self.end()?,
             }
         }
         let frame = self.ready.pop_front();
@@ -104,15 +134,40 @@ impl VideoReader {
         self.report
     }
 
-    fn end(&mut self) {
+    fn end(&mut self) -> Result<(), MediaError> {
         self.ended = true;
         self.report.lost = self.core.losses.at_end() as u64;
-        let complete = self.info.frames_estimate.is_none_or(|n| self.core.packets >= n);
         self.report.unflagged_fields = self.fields.verdict();
-        self.report.truncated |= self.span.is_whole() && !complete;
+        // Whatever is missing behind the end of the span was not asked for.
+        self.report.truncated = !self.core.passed_span && (self.report.truncated || self.cut || self.is_incomplete());
+        if self.report.truncated {
+            self.report.announced = self.info.frames_estimate;
+        }
         if self.report.bad_packets > 0 || self.report.truncated {
             tracing::warn!("{}: {}", self.name, self.report);
         }
+        match self.report.shortfall().filter(|_| self.strict) {
+            Some(shortfall) => Err(MediaError::cut_short(&self.name, &shortfall)),
+            None => Ok(()),
+        }
+    }
+
+    /// The container announces more than was read: packets by its index, or time by its header.
+    fn is_incomplete(&self) -> bool {
+        let index = self.info.frames_estimate.filter(|_| self.span.is_whole() && self.core.demuxer.counts_packets());
+        index.is_some_and(|n| self.core.packets < n) || self.ends_early()
+    }
+
+    /// The header announces more time than was read, and no stream has anything there: sound may well go on longer.
+    fn ends_early(&self) -> bool {
+        let stream = self.core.demuxer.stream(self.core.stream);
+        let Some(unit) = stream.time_base().value() else { return false };
+        let (relative, least) = TOLERANCE;
+        let Some(length) = self.core.demuxer.announced_us().map(|us| us as f64 * 1e-6) else { return false };
+        let slack = (relative * length).max(least);
+        let origin = self.core.demuxer.start_us().unwrap_or(0) as f64 * 1e-6;
+        let end = origin + self.source.span().1.unwrap_or(length).min(length);
+        end - self.reached as f64 * unit > slack && !self.source.has_packets_at(self.core.stream, end - slack, slack)
     }
 
     fn accept(&mut self, picture: AvFrame) -> Result<(), MediaError> {
@@ -158,6 +213,8 @@ impl VideoReader {
             None => self.deinterlacer.whole(planar),
         };
         let (pts, retimed) = self.clock.tick(pts, duration);
+        let length = if duration > 0 { duration } else { self.info.mean_ticks() };
+        self.reached = self.reached.max(pts.saturating_add(length));
         self.report.retimed += u64::from(retimed);
         let (w, h) = (self.info.width, self.info.height);
         let mut frame = Frame::from_buffer(self.info.format, w, h, Box::new(planar));
@@ -194,6 +251,9 @@ struct Core {
     packets: u64,
     pictures: u64,
     draining: bool,
+    /// A picture behind the wanted span was seen.
+    passed_span: bool,
+    bad_pictures: u32,
 }
 
 impl Core {
@@ -205,7 +265,19 @@ impl Core {
             MediaError::NotMedia { path: name.to_owned(), reason }
         })?;
         let (packet, losses, name) = (Packet::new(), Losses::default(), name.to_owned());
-        Ok(Self { name, demuxer, decoder, stream, packet, losses, packets: 0, pictures: 0, draining: false })
+        Ok(Self {
+            name,
+            demuxer,
+            decoder,
+            stream,
+            packet,
+            losses,
+            packets: 0,
+            pictures: 0,
+            draining: false,
+            passed_span: false,
+            bad_pictures: 0,
+        })
     }
 
     /// Goes near `start`; where the container cannot seek, everything before it is decoded and dropped.
@@ -220,7 +292,10 @@ impl Core {
         while let Some(picture) = self.next_picture(report)? {
             match picture.best_pts() {
                 Some(t) if t < span.start => drop(self.losses.passed_over(t)),
-                Some(t) if t >= span.end => return Ok(None),
+                Some(t) if t >= span.end => {
+                    self.passed_span = true;
+                    return Ok(None);
+                }
                 _ => return Ok(Some(picture)),
             }
         }
@@ -233,11 +308,18 @@ impl Core {
             match self.decoder.receive(&mut picture) {
                 Ok(true) => {
                     self.pictures += 1;
+                    self.bad_pictures = 0;
                     return Ok(Some(picture));
                 }
                 Ok(false) if self.draining => return Ok(None),
                 Ok(false) => self.feed(report)?,
-                Err(e) => self.complain(e, report)?,
+                Err(e) => {
+                    self.complain(e, report)?;
+                    self.bad_pictures += 1;
+                    if self.bad_pictures > MAX_BAD_PICTURES {
+                        return Ok(None);
+                    }
+                }
             }
         }
     }
@@ -246,6 +328,7 @@ impl Core {
     fn feed(&mut self, report: &mut ReadReport) -> Result<(), MediaError> {
         let sent = if self.read_packet(report)? {
             self.packets += 1;
+            self.bad_pictures = 0;
             if let Some(pts) = self.packet.pts().filter(|_| !self.packet.is_discarded()) {
                 self.losses.sent(pts);
             }
@@ -259,7 +342,7 @@ impl Core {
     }
 
     fn read_packet(&mut self, report: &mut ReadReport) -> Result<bool, MediaError> {
-        for _ in 0..MAX_BAD_READS {
+        loop {
             match self.demuxer.read(&mut self.packet) {
                 Ok(true) if self.packet.stream() != self.stream => {}
                 Ok(found) => return Ok(found),
@@ -267,6 +350,7 @@ impl Core {
                     report.bad_packets += 1;
                     self.losses.complained();
                 }
+                Err(AvError::EXIT) => return Err(Stopped::Interrupted.into()),
                 Err(e) if self.pictures == 0 => return Err(self.read_error(e)),
                 Err(_) => break,
             }
@@ -331,9 +415,19 @@ fn describe_video(input: &Input, core: &Core, first: &AvFrame, unpacker: &Unpack
         frames_estimate: if input.is_trimmed() { of_span() } else { stream.frames() },
         duration_s,
         stream: core.stream,
+        other_videos: core.demuxer.videos().filter(|i| *i != core.stream).collect(),
         chroma_location: first.chroma_location(),
-        hdr: HdrBytes { mastering: owned(mastering), light: owned(light) },
+        hdr: HdrBytes { mastering: owned(mastering), light: owned(light), dynamic: dynamic_hdr(stream, first) },
     }
+}
+
+/// Dynamic HDR metadata of the first frame, or announced by the container, by name.
+fn dynamic_hdr(stream: StreamRef<'_>, first: &AvFrame) -> Vec<&'static str> {
+    let mut found = first.dynamic_hdr();
+    if stream.has_dolby_vision() && !found.contains(&DOLBY_VISION) {
+        found.push(DOLBY_VISION);
+    }
+    found
 }
 
 /// Length of the wanted span, s.
@@ -364,7 +458,7 @@ impl std::fmt::Display for ReadReport {
                 write!(f, ", {n} {what}")?;
             }
         }
-        if self.truncated { f.write_str(", the file is cut short") } else { Ok(()) }
+        self.shortfall().map_or(Ok(()), |text| write!(f, ", {text}"))
     }
 }
 

@@ -3,6 +3,7 @@
 //! FFmpeg counts through a pattern and takes the first number that is missing for the end, so gaps are refused here. Pictures
 //! without such numbers are linked under numbers in a temporary folder.
 
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use plumbline_num::files::AtomicFile;
 /// A pattern, the first number that exists for it, and all its files.
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
-    pattern: String,
+    pattern: OsString,
     first: u64,
     files: Vec<PathBuf>,
     /// Holds the links, if any.
@@ -22,24 +23,28 @@ pub(super) struct Sequence {
 /// A file name with one number in it: the text before, the text after and the least number of digits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Pattern<'a> {
-    before: &'a str,
-    after: &'a str,
+    before: &'a [u8],
+    after: &'a [u8],
     digits: usize,
 }
 
 impl<'a> Pattern<'a> {
-    /// Splits `name` at its single `%d` or `%0Nd`; `None` where there is none or more than one.
-    pub(super) fn parse(name: &'a str) -> Option<Self> {
-        let (before, rest) = name.split_once('%')?;
-        let (digits, after) = rest.split_once('d')?;
+    /// Splits `name` at its single `%d` or `%0Nd`; `None` where there is none or more than one. Names need not be UTF-8.
+    pub(super) fn parse(name: &'a OsStr) -> Option<Self> {
+        let name = name.as_encoded_bytes();
+        let (before, rest) = name.split_at(name.iter().position(|b| *b == b'%')?);
+        let rest = rest.strip_prefix(b"%")?;
+        let (digits, after) = rest.split_at(rest.iter().position(|b| *b == b'd')?);
+        let (digits, after) = (std::str::from_utf8(digits).ok()?, after.strip_prefix(b"d")?);
         let plain = digits.is_empty() || (digits.starts_with('0') && digits.bytes().all(|b| b.is_ascii_digit()));
         let digits = if digits.is_empty() { 1 } else { digits.parse().ok().filter(|d| *d < 20)? };
-        (plain && !after.contains('%')).then_some(Self { before, after, digits: digits.max(1) })
+        (plain && !after.contains(&b'%')).then_some(Self { before, after, digits: digits.max(1) })
     }
 
     /// The number in `name`, where it matches.
-    pub(super) fn number(&self, name: &str) -> Option<u64> {
-        let digits = name.strip_prefix(self.before)?.strip_suffix(self.after)?;
+    pub(super) fn number(&self, name: &OsStr) -> Option<u64> {
+        let digits = name.as_encoded_bytes().strip_prefix(self.before)?.strip_suffix(self.after)?;
+        let digits = std::str::from_utf8(digits).ok()?;
         let padded = digits.len() == self.digits || (digits.len() > self.digits && !digits.starts_with('0'));
         if padded && digits.bytes().all(|b| b.is_ascii_digit()) { digits.parse().ok() } else { None }
     }
@@ -50,17 +55,17 @@ impl Sequence {
     ///
     /// # Errors
     /// [`MediaError::Missing`] where no file matches, [`MediaError::Input`] where a number is missing in between.
-    pub(super) fn find(text: &str) -> Result<Option<Self>, MediaError> {
+    pub(super) fn find(text: &OsStr) -> Result<Option<Self>, MediaError> {
         let path = Path::new(text);
-        let Some(pattern) = path.file_name().and_then(|n| n.to_str()).and_then(Pattern::parse) else {
+        let Some(pattern) = path.file_name().and_then(Pattern::parse) else {
             return Ok(None);
         };
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let missing = || MediaError::Missing { path: text.to_owned() };
+        let missing = || MediaError::Missing { path: text.to_string_lossy().into_owned() };
         let entries = std::fs::read_dir(folder).map_err(|_| missing())?;
         let numbered = entries.filter_map(|e| {
             let e = e.ok()?;
-            Some((pattern.number(e.file_name().to_str()?)?, e.path()))
+            Some((pattern.number(&e.file_name())?, e.path()))
         });
         let mut numbered: Vec<(u64, PathBuf)> = numbered.collect();
         numbered.sort();
@@ -69,7 +74,7 @@ impl Sequence {
             let last = numbered.last().map_or(gap, |l| l.0);
             let help = "supply it, or give the folder to take the pictures that are there in the order of their names";
             let problem = format!("number {gap} is missing ({first} to {last} are there in part); {help}");
-            return Err(MediaError::input(text, problem));
+            return Err(MediaError::input(&text.to_string_lossy(), problem));
         }
         let files = numbered.into_iter().map(|(_, file)| file).collect();
         Ok(Some(Self { pattern: muxer_pattern(folder, text), first, files, _links: None }))
@@ -98,12 +103,12 @@ impl Sequence {
             let target = std::path::absolute(file).map_err(fail)?;
             link(&target, &links.path().join(format!("{number:08}.{extension}"))).map_err(fail)?;
         }
-        let pattern = muxer_pattern(links.path(), &format!("%08d.{extension}"));
+        let pattern = muxer_pattern(links.path(), OsStr::new(&format!("%08d.{extension}")));
         Ok(Self { pattern, first: 0, files, _links: Some(Arc::new(links)) })
     }
 
     /// The pattern as FFmpeg takes it.
-    pub(super) fn pattern(&self) -> &str {
+    pub(super) fn pattern(&self) -> &OsStr {
         &self.pattern
     }
 
@@ -128,9 +133,25 @@ fn link(target: &Path, name: &Path) -> std::io::Result<()> {
 }
 
 /// The pattern `text` inside `folder` as FFmpeg takes it: percent signs of the folder's name are doubled.
-pub(super) fn muxer_pattern(folder: &Path, text: &str) -> String {
-    let name = Path::new(text).file_name().unwrap_or_default().to_string_lossy();
-    format!("{}/{name}", folder.to_string_lossy().replace('%', "%%"))
+pub(super) fn muxer_pattern(folder: &Path, text: &OsStr) -> OsString {
+    let name = Path::new(text).file_name().unwrap_or_default();
+    let mut bytes = Vec::new();
+    for byte in folder.as_os_str().as_encoded_bytes() {
+        bytes.extend(std::iter::repeat_n(*byte, if *byte == b'%' { 2 } else { 1 }));
+    }
+    bytes.push(b'/');
+    bytes.extend(name.as_encoded_bytes());
+    os_string(bytes)
+}
+
+#[cfg(unix)]
+fn os_string(bytes: Vec<u8>) -> OsString {
+    std::os::unix::ffi::OsStringExt::from_vec(bytes)
+}
+
+#[cfg(not(unix))]
+fn os_string(bytes: Vec<u8>) -> OsString {
+    String::from_utf8_lossy(&bytes).into_owned().into()
 }
 
 #[cfg(test)]
@@ -139,14 +160,14 @@ mod tests {
 
     #[test]
     fn only_one_decimal_number_makes_a_pattern() {
-        let p = Pattern::parse("shot_%04d.png").expect("a pattern");
-        assert_eq!(p.number("shot_0042.png"), Some(42));
-        assert_eq!(p.number("shot_12345.png"), Some(12345), "numbers may outgrow the padding");
-        assert_eq!(p.number("shot_042.png"), None);
-        assert_eq!(p.number("shot_00042.png"), None);
-        assert_eq!(p.number("shot_004x.png"), None);
+        let p = Pattern::parse(OsStr::new("shot_%04d.png")).expect("a pattern");
+        assert_eq!(p.number(OsStr::new("shot_0042.png")), Some(42));
+        assert_eq!(p.number(OsStr::new("shot_12345.png")), Some(12345), "numbers may outgrow the padding");
+        assert_eq!(p.number(OsStr::new("shot_042.png")), None);
+        assert_eq!(p.number(OsStr::new("shot_00042.png")), None);
+        assert_eq!(p.number(OsStr::new("shot_004x.png")), None);
         for name in ["a.png", "a%s.png", "%d-%d.png", "100%.png", "%4d.png"] {
-            assert_eq!(Pattern::parse(name), None, "{name}");
+            assert_eq!(Pattern::parse(OsStr::new(name)), None, "{name}");
         }
     }
 
@@ -158,11 +179,11 @@ mod tests {
         }
         let text = folder.path().join("f%03d.png");
         let text = text.to_str().expect("UTF-8");
-        assert_eq!(Sequence::find(text).expect("found").map(|s| s.first()), Some(7));
+        assert_eq!(Sequence::find(OsStr::new(text)).expect("found").map(|s| s.first()), Some(7));
         let other = text.replace("f%", "g%");
-        assert!(matches!(Sequence::find(&other), Err(MediaError::Missing { .. })));
+        assert!(matches!(Sequence::find(OsStr::new(&other)), Err(MediaError::Missing { .. })));
         std::fs::write(folder.path().join("f012.png"), b"x").expect("write");
-        let gap = Sequence::find(text).expect_err("10 and 11 are missing").to_string();
+        let gap = Sequence::find(OsStr::new(text)).expect_err("10 and 11 are missing").to_string();
         assert!(gap.contains("number 10 is missing (7 to 12 are there in part)"), "{gap}");
     }
 
@@ -174,7 +195,9 @@ mod tests {
             std::fs::write(file, file.to_str().expect("UTF-8")).expect("write");
         }
         let sequence = Sequence::of_pictures("x", files.clone()).expect("made");
-        let read = |n: &str| std::fs::read_to_string(sequence.pattern().replace("%08d", n)).expect("linked");
+        let read = |n: &str| {
+            std::fs::read_to_string(sequence.pattern().to_str().expect("UTF-8").replace("%08d", n)).expect("linked")
+        };
         assert_eq!(
             (read("00000000"), read("00000001")),
             (files[0].display().to_string(), files[1].display().to_string())

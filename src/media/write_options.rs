@@ -162,6 +162,8 @@ pub struct WriteReport {
     pub container: String,
     /// Packets of other streams that were copied.
     pub copied_packets: u64,
+    /// Further video streams of the source that were copied as they are, in words.
+    pub copied_videos: Vec<String>,
     /// What was lost or changed, in words, one sentence each.
     pub warnings: Vec<String>,
 }

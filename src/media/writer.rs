@@ -50,6 +50,11 @@ impl VideoWriter {
         let format = output.format()?;
         let mut warnings = Warnings { strict: options.strict, list: Vec::new() };
         let (choice, encoder, surface) = open_encoder(output, format, video, options, &mut warnings)?;
+        for kind in &video.hdr.dynamic {
+            warnings.add(format!(
+                "{kind} metadata are left out: no encoder here writes what changes from scene to scene"
+            ))?;
+        }
         let partial = output.begin(IfExists::overwrite(options.overwrite))?;
         av::log::forget();
         let fail = |e| MediaError::writing(output.path(), e);
@@ -144,6 +149,8 @@ impl VideoWriter {
         if let (Some(copier), Some(muxer)) = (&mut self.copier, &mut self.muxer) {
             copier.pump(muxer, None).map_err(fail)?;
             self.report.copied_packets = copier.copied;
+            self.report.copied_videos = copier.videos();
+            self.report.warnings.extend(copier.warnings());
         }
         if let Some(muxer) = self.muxer.take() {
             muxer.finish().map_err(fail)?;
@@ -305,7 +312,7 @@ impl Template<'_> {
         warnings: &mut Warnings,
     ) -> Result<usize, AddError> {
         let Some(copier) = copier else { return self.add_video(muxer) };
-        let pictures = if self.own { Some(self.video.stream) } else { copier.source().best_video() };
+        let pictures = if self.own { Some(self.video.stream) } else { copier.video()? };
         let mut index = if self.own { None } else { Some(self.add_video(muxer)?) };
         for i in 0..copier.source().stream_count() {
             if Some(i) == pictures {

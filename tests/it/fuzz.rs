@@ -6,6 +6,7 @@ mod bodies;
 
 use std::io::Cursor;
 
+use crate::support::clips::{make, workshop};
 use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline::num::run::Run;
 use plumbline::num::time::{Timebase, Timestamp};
@@ -117,6 +118,27 @@ fn no_pipeline_file_makes_the_reader_panic() {
     let built = plumbline::app::cli::pipeline_of(all).expect("options in order");
     examples.push(plumbline::app::pipeline::print(&built).into_bytes());
     hammer(&examples, bodies::pipeline_file, 1);
+}
+
+/// Fewer than of the others: each opens decoders and encoders.
+const CLIP_ROUNDS: usize = 300;
+
+#[test]
+fn no_clip_makes_the_reader_or_the_copier_panic_or_hang() {
+    let Some(folder) = workshop() else { return };
+    let source = "-f lavfi -i testsrc2=size=64x48:rate=25:duration=0.2 -f lavfi -i sine=duration=0.2:sample_rate=16000";
+    let made = [
+        ("a.mkv", "-c:v mpeg4 -c:a pcm_s16le"),
+        ("a.mp4", "-c:v libx264 -preset ultrafast -c:a aac -movflags +faststart"),
+        ("a.ts", "-c:v mpeg2video -c:a mp2"),
+        ("a.flv", "-c:v flv1 -c:a aac"),
+        ("a.avi", "-c:v mjpeg -c:a pcm_s16le"),
+        ("a.ogv", "-c:v libtheora -c:a libopus -ar 48000"),
+    ];
+    let read = |(name, args): &(&str, &str)| {
+        std::fs::read(make(folder.path(), name, &format!("{source} {args}"))).expect("read")
+    };
+    hammer_times(CLIP_ROUNDS, &made.iter().map(read).collect::<Vec<_>>(), bodies::clip_file, 14);
 }
 
 #[test]

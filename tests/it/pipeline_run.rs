@@ -24,8 +24,8 @@ struct Pretender {
 }
 
 impl StageRunner for Pretender {
-    fn probe(&self, input: &str) -> Result<Probed, RunError> {
-        Err(RunError::Input(format!("cannot open `{input}`")))
+    fn probe(&self, input: &Path, _: bool) -> Result<Probed, RunError> {
+        Err(RunError::Input(format!("cannot open `{}`", input.display())))
     }
 
     fn run_pass(

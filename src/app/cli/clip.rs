@@ -60,6 +60,8 @@ impl Offer for Decode {
         Setting::of("end").also("to").value("TIME"),
         Setting::of("fps").value("RATE"),
         Setting::of("deinterlace"),
+        Setting::of("stream").value("N"),
+        Setting::of("allow_playlist"),
     ];
 }
 

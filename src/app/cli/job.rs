@@ -66,6 +66,8 @@ impl JobArgs {
         let run = RunSettings {
             threads: self.threads,
             overwrite: self.overwrite,
+            // Asked of the stage that encodes.
+            strict: false,
             progress: self.progress,
             allow_paths: self.allow_paths.iter().map(|folder| literal_path(folder)).collect(),
         };

@@ -38,6 +38,8 @@ impl Offer for Decode {
     const SETTINGS: &'static [Setting] = &[
         Setting::of("start").also("ss").value("TIME").under("Clips"),
         Setting::of("end").value("TIME").under("Clips"),
+        Setting::of("stream").value("N").under("Clips"),
+        Setting::of("allow_playlist").under("Clips"),
     ];
 }
 
@@ -61,6 +63,8 @@ impl PhotoClipArgs {
             (decode.start.is_some(), "--start"),
             (decode.end.is_some(), "--end"),
             (self.length.is_given(), "--duration"),
+            (decode.stream.is_some(), "--stream"),
+            (decode.allow_playlist, "--allow-playlist"),
             (encode.codec != Codec::default(), "--codec"),
             (encode.crf.is_some(), "--crf"),
         ];

@@ -21,7 +21,7 @@ impl PlanArgs {
         let first = instances.first();
         let clip = first
             .and_then(|i| i.inputs().into_iter().next())
-            .and_then(|path| session.runner.probe(&path.to_string_lossy()).ok())
+            .and_then(|path| session.runner.probe(&path, false).ok())
             .and_then(|probed| probed.shape);
         let graph = first.map_or(&pipeline.graph, |i| &i.graph);
         let mut text = String::new();

@@ -1,5 +1,7 @@
 //! `plumbline probe`: contents of a clip.
 
+use std::path::PathBuf;
+
 use clap::Args;
 
 use super::failure::Failure;
@@ -10,7 +12,10 @@ use crate::pipeline::Exit;
 #[derive(Debug, Args)]
 pub(super) struct ProbeArgs {
     /// The clip
-    input: String,
+    input: PathBuf,
+    /// Also look into a playlist (HLS, ffconcat) of files in its own folder
+    #[arg(long)]
+    allow_playlist: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -18,7 +23,7 @@ pub(super) struct ProbeArgs {
 
 impl ProbeArgs {
     pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        let probed = session.runner.probe(&self.input)?;
+        let probed = session.runner.probe(&self.input, self.allow_playlist)?;
         let text = if self.json { format!("{:#}", probed.json) } else { probed.text };
         print(&format!("{}\n", text.trim_end()));
         Ok(Exit::Done)

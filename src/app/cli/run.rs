@@ -31,6 +31,9 @@ pub(super) struct RunArgs {
     /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
     #[arg(long = "allow-path", value_name = "DIR")]
     allow_paths: Vec<PathBuf>,
+    /// Losses are errors, not warnings: a clip that is cut short, a stream that a container cannot store
+    #[arg(long)]
+    strict: bool,
     /// Form of the progress messages
     #[arg(long, value_enum, value_name = "HOW")]
     progress: Option<ProgressMode>,
@@ -44,7 +47,8 @@ impl RunArgs {
         let jobs = self.jobs.map(|n| format!("batch.jobs={n}"));
         let threads = self.threads.map(|n| format!("run.threads={n}"));
         let overwrite = self.overwrite.then(|| "run.overwrite=true".to_owned());
-        self.pipeline.set.extend([jobs, threads, overwrite].into_iter().flatten());
+        let strict = self.strict.then(|| "run.strict=true".to_owned());
+        self.pipeline.set.extend([jobs, threads, overwrite, strict].into_iter().flatten());
         let mut pipeline = self.pipeline.read()?;
         pipeline.run.progress = self.progress.unwrap_or(pipeline.run.progress);
         let allowed = self.allow_paths.iter().map(|folder| folder.to_string_lossy().into_owned());

@@ -12,6 +12,7 @@ use super::port::PortType;
 use super::problem::{Problem, Problems};
 use super::reference::{Item, Resolved, Scope, resolve};
 use super::syntax::{Node, Value};
+use crate::stages::EncodeSettings;
 
 /// One graph to run, with nothing left open.
 #[derive(Clone, Debug)]
@@ -30,6 +31,11 @@ impl Instance {
     /// Files that it writes, in the order of its stages.
     pub fn outputs(&self) -> Vec<PathBuf> {
         self.graph.stages.iter().flat_map(|s| s.settings.writes()).map(PathBuf::from).collect()
+    }
+
+    /// A stage asks for losses to be errors.
+    pub fn is_strict(&self) -> bool {
+        self.graph.stages.iter().any(|s| s.settings.get::<EncodeSettings>().is_some_and(|encode| encode.strict))
     }
 
     /// Folders that it fills with files.

@@ -49,12 +49,13 @@ impl Report {
         self.items.iter().filter(|i| i.result.is_none()).map(|i| i.key.as_str())
     }
 
-    /// Exit status: of the fault for a lone item, [`Exit::Partial`] for some of many.
+    /// Exit status: of the fault for a lone item, [`Exit::Partial`] for some of many, and where a clip was cut short.
     pub fn exit(&self) -> Exit {
         if self.failures().any(|(_, e)| matches!(e, RunError::Interrupted)) {
             return Exit::Interrupted;
         }
         match (self.failures().next(), self.items.len()) {
+            (None, _) if self.done().any(|(_, summary)| summary.cut_short) => Exit::Partial,
             (None, _) => Exit::Done,
             (Some((_, error)), 1) => error.exit(),
             (Some(_), _) => Exit::Partial,
@@ -208,6 +209,7 @@ impl Executor<'_> {
         let options = JobOptions {
             threads: self.threads,
             overwrite: self.run.overwrite,
+            strict: self.run.strict || instance.is_strict(),
             allow_paths: self.run.allowed_folders(),
         };
         if let Some(worker) = worker.filter(|_| !uses_standard_streams(instance)) {

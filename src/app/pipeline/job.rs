@@ -2,7 +2,7 @@
 
 use std::any::Any;
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -29,6 +29,8 @@ pub struct Job<'a> {
     pub overwrite: bool,
     /// Folders of files that an input may name, besides its own.
     pub allow_paths: &'a [PathBuf],
+    /// What would be lost without a word more than a warning is an error: a clip that is cut short, a stream that cannot be kept.
+    pub strict: bool,
     /// Where to report frames done.
     pub progress: &'a TaskProgress<'a>,
     /// Set when the user stops the run: look at it once per frame.
@@ -42,6 +44,8 @@ pub struct JobOptions {
     pub threads: usize,
     /// See [`Job::overwrite`].
     pub overwrite: bool,
+    /// See [`Job::strict`].
+    pub strict: bool,
     /// See [`Job::allow_paths`].
     pub allow_paths: Vec<PathBuf>,
 }
@@ -54,8 +58,8 @@ impl<'a> Job<'a> {
         progress: &'a TaskProgress<'a>,
         cancel: &'a Arc<AtomicBool>,
     ) -> Self {
-        let JobOptions { threads, overwrite, ref allow_paths } = *options;
-        Self { instance, threads, overwrite, allow_paths, progress, cancel }
+        let JobOptions { threads, overwrite, strict, ref allow_paths } = *options;
+        Self { instance, threads, overwrite, strict, allow_paths, progress, cancel }
     }
 }
 
@@ -138,11 +142,11 @@ pub struct Probed {
 
 /// Bodies of the stages: what really reads, computes and writes.
 pub trait StageRunner: Sync {
-    /// Looks into a file.
+    /// Looks into a file; `playlists`: also into a playlist of files in its own folder.
     ///
     /// # Errors
     /// [`RunError::Input`] where it cannot be read.
-    fn probe(&self, input: &str) -> Result<Probed, RunError>;
+    fn probe(&self, input: &Path, playlists: bool) -> Result<Probed, RunError>;
 
     /// Refuses a job that must fail at its end, before any work is done.
     ///

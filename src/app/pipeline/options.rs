@@ -30,6 +30,8 @@ pub struct RunSettings {
     pub threads: u32,
     /// Existing files may be replaced
     pub overwrite: bool,
+    /// Losses are errors, not warnings: a clip that is cut short, a stream that a container cannot store
+    pub strict: bool,
     /// How progress is reported
     pub progress: ProgressMode,
     /// Folders of files that an input may name, such as the buffers of a glTF file, besides the folder of the input itself

@@ -100,6 +100,9 @@ impl From<StabilizeError> for RunError {
 
 impl From<MediaError> for RunError {
     fn from(error: MediaError) -> Self {
+        if let MediaError::Interrupted(stopped) = error {
+            return stopped.into();
+        }
         let text = error.to_string();
         match error.fault() {
             Fault::Usage => Self::Usage(text),

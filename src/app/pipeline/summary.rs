@@ -11,7 +11,7 @@ use plumbline_media::{Input, VideoInfo};
 pub use plumbline_video::stabilize::{Shake, ShakeSummary};
 
 /// What was read.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct InputSummary {
     /// As the user named it.
     pub name: String,
@@ -21,6 +21,10 @@ pub struct InputSummary {
     pub fps: Option<f64>,
     /// The rate was not given: pictures have none of their own.
     pub fps_assumed: bool,
+    /// Index of the video stream that was processed, where there are several.
+    pub stream: Option<usize>,
+    /// The other video streams, in words, that the result has as they are.
+    pub copied_videos: Vec<String>,
 }
 
 impl InputSummary {
@@ -31,6 +35,8 @@ impl InputSummary {
             size: (video.width as u32, video.height as u32),
             fps: video.frame_rate.map(plumbline_media::Ratio::value),
             fps_assumed: input.assumed_rate().is_some(),
+            stream: (!video.other_videos.is_empty()).then_some(video.stream),
+            copied_videos: Vec::new(),
         }
     }
 }
@@ -58,6 +64,8 @@ pub struct Summary {
     pub least_crop: Option<f64>,
     /// Readout time of the sensor that was corrected for, seconds.
     pub readout_s: Option<f64>,
+    /// A clip ended before its container says: the result is a part of what there should be.
+    pub cut_short: bool,
     /// What the user should know: concealed packets, streams left out, a clip that passed unchanged.
     pub warnings: Vec<String>,
     /// The window that a clip's new shape shows of its pictures.
@@ -192,6 +200,9 @@ impl Summary {
         if facts.is_empty() {
             text = format!("wrote {files} ({:.1} s)\n", self.seconds);
         }
+        if let Some(streams) = self.input.as_ref().and_then(InputSummary::streams) {
+            text.extend(["read ", &streams, "\n"]);
+        }
         for warning in &self.warnings {
             text.extend(["warning: ", warning, "\n"]);
         }
@@ -258,7 +269,22 @@ impl fmt::Display for InputSummary {
             let text = format!("{fps:.3}");
             write!(f, ", {} fps", text.trim_end_matches('0').trim_end_matches('.'))?;
         }
-        if self.fps_assumed { f.write_str(" (assumed; --fps sets another)") } else { Ok(()) }
+        if self.fps_assumed {
+            f.write_str(" (assumed; --fps sets another)")?;
+        }
+        self.streams().map_or(Ok(()), |streams| write!(f, ", {streams}"))
+    }
+}
+
+impl InputSummary {
+    /// Which of several video streams was processed, and what became of the others.
+    fn streams(&self) -> Option<String> {
+        let stream = self.stream?;
+        let copied = match self.copied_videos.as_slice() {
+            [] => String::new(),
+            others => format!("; copied as it was: {}", others.join(", ")),
+        };
+        Some(format!("video stream {stream} of several (--stream takes another){copied}"))
     }
 }
 

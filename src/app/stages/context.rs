@@ -10,7 +10,8 @@ use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::{InputSummary, Summary};
 use crate::pipeline::units::{ClipTime, FrameRate};
-use plumbline_media::{FieldOrder, Input, MediaError, ReadOptions, ReadReport, VideoReader};
+use plumbline_media::{FieldOrder, Input, MediaError, ReadOptions, ReadReport, SpoolOptions, VideoReader};
+use plumbline_num::run::Interrupt;
 
 /// One pass at work.
 pub struct Context<'c, 'j> {
@@ -53,10 +54,12 @@ impl Context<'_, '_> {
         let settings = self.decode_settings(decode)?;
         let (start, end) = (settings.start.map(ClipTime::seconds), settings.end.map(ClipTime::seconds));
         let rate = settings.fps.map(FrameRate::ratio);
-        let input = open_input(&settings.path)
+        let (stream, playlists) = (settings.stream.map(|n| n as usize), settings.allow_playlist);
+        let interrupt = self.job.run().interrupt;
+        let input = open_input(&settings.path, &interrupt)
             .and_then(|i| if let Some(rate) = rate { i.at_rate(rate) } else { Ok(i) })
-            .and_then(|i| i.trimmed(start, end));
-        let input = input?;
+            .and_then(|i| i.trimmed(start, end))?;
+        let input = input.with_stream(stream).allowing_playlists(playlists).with_interrupt(&interrupt);
         let seen = Seen::of(&input);
         self.values.put(decode, "input", Source { input: input.clone(), seen });
         Ok(input)
@@ -66,7 +69,7 @@ impl Context<'_, '_> {
     pub(crate) fn open(&mut self, decode: usize) -> Result<(Input, VideoReader), RunError> {
         let input = self.input(decode)?;
         let deinterlace = self.decode_settings(decode)?.deinterlace;
-        let options = ReadOptions { threads: self.job.threads, deinterlace };
+        let options = ReadOptions { threads: self.job.threads, deinterlace, strict: self.job.strict };
         let reader = VideoReader::open(&input, &options)?;
         self.summary.input.get_or_insert_with(|| InputSummary::of(&input, reader.info()));
         Ok((input, reader))
@@ -104,16 +107,20 @@ impl Context<'_, '_> {
                  give --deinterlace {word} (`deinterlace = \"{word}\"`)"
             ));
         }
-        if report.truncated {
-            self.warn("the input ends before its own index says".to_owned());
+        if let Some(shortfall) = report.shortfall() {
+            self.warn(shortfall);
+            self.summary.cut_short = true;
         }
     }
 }
 
 /// A clip by its name: a file, a pattern, standard input, or a folder or glob of pictures.
-pub(crate) fn open_input(text: &str) -> Result<Input, MediaError> {
+pub(crate) fn open_input(text: &str, interrupt: &Interrupt) -> Result<Input, MediaError> {
     match pictures(text) {
         Some(files) => Input::pictures(text, files),
+        None if text == "-" => {
+            Input::standard_input(&SpoolOptions { interrupt: interrupt.clone(), ..SpoolOptions::default() })
+        }
         None => Input::parse(text),
     }
 }

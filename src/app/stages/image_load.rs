@@ -56,7 +56,7 @@ impl Stage for ImageLoadSettings {
         }
         let size = (photo.frame.width as u32, photo.frame.height as u32);
         let name = self.path.clone();
-        context.summary.input.get_or_insert(InputSummary { name, size, fps: None, fps_assumed: false });
+        context.summary.input.get_or_insert(InputSummary { name, size, ..InputSummary::default() });
         Ok((Arc::new(photo),))
     }
 }

@@ -178,8 +178,8 @@ pub fn find(name: &str) -> Option<&'static StageKind> {
 pub struct BuiltinStages;
 
 impl StageRunner for BuiltinStages {
-    fn probe(&self, input: &str) -> Result<Probed, RunError> {
-        probe::probe(input)
+    fn probe(&self, input: &Path, playlists: bool) -> Result<Probed, RunError> {
+        probe::probe(input, playlists)
     }
 
     fn preflight(&self, instance: &Instance) -> Result<(), RunError> {
@@ -236,12 +236,8 @@ fn check_space(job: &Job<'_>) -> Result<(), RunError> {
     if !graph.stages.iter().any(|stage| stage.memory().iter().any(|cost| cost.on_disk)) {
         return Ok(());
     }
-    let shapes = job
-        .instance
-        .inputs()
-        .iter()
-        .filter_map(|path| probe::probe(path.to_str()?).ok()?.shape)
-        .max_by_key(|s| s.frames);
+    let shapes =
+        job.instance.inputs().iter().filter_map(|path| probe::probe(&path, false).ok()?.shape).max_by_key(|s| s.frames);
     let folder = std::env::temp_dir();
     match (shapes, free_space(&folder)) {
         (Some(clip), Some(free)) => enough_space(temporary_space(graph, &clip), free, &folder),
@@ -319,6 +315,7 @@ mod tests {
             threads: 1,
             overwrite: false,
             allow_paths: &[],
+            strict: false,
             progress: &progress,
             cancel: &cancel,
         };

@@ -1,14 +1,21 @@
 //! The contents of a file, for `plumbline probe` and for the memory estimates of a plan.
 
+use std::path::Path;
+
 use super::context::open_input;
 use crate::pipeline::job::Probed;
 use crate::pipeline::memory::ClipShape;
 use crate::pipeline::run_error::RunError;
 use plumbline_media::{Input, ReadOptions, VideoReader};
+use plumbline_num::run::Interrupt;
 
 /// Looks into `input`.
-pub(crate) fn probe(input: &str) -> Result<Probed, RunError> {
-    let input = open_input(input)?;
+pub(crate) fn probe(input: &Path, playlists: bool) -> Result<Probed, RunError> {
+    let input = match input.to_str() {
+        Some(text) => open_input(text, &Interrupt::default())?,
+        None => Input::parse(input)?,
+    };
+    let input = input.allowing_playlists(playlists);
     let info = plumbline_media::probe(&input)?;
     let shape = info.video.is_some().then(|| shape(&input)).transpose()?;
     let json = serde_json::to_value(&info).map_err(|e| RunError::Internal(format!("probe: {e}")))?;

@@ -19,6 +19,11 @@ pub struct DecodeSettings {
     pub fps: Option<FrameRate>,
     /// Deinterlacing
     pub deinterlace: Deinterlace,
+    /// Video stream to process, by its index in `plumbline probe`; the one that FFmpeg prefers if left out
+    #[schemars(range(min = 0, max = 1023))]
+    pub stream: Option<u32>,
+    /// Read a playlist (HLS, ffconcat) of files in its own folder; refused otherwise, since it names other files
+    pub allow_playlist: bool,
 }
 
 impl Stage for DecodeSettings {

@@ -95,6 +95,13 @@ pub(super) fn c_string(text: &str) -> CString {
     CString::new(&bytes[..end]).unwrap_or_default()
 }
 
+/// A path as a C string, byte for byte, cut at the first zero byte (which no path has).
+pub(crate) fn c_path(path: &std::ffi::OsStr) -> CString {
+    let bytes = path.as_encoded_bytes();
+    let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
+    CString::new(&bytes[..end]).unwrap_or_default()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

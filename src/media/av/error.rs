@@ -21,6 +21,14 @@ impl AvError {
     pub(crate) const UNKNOWN_CODEC: Self = Self(ffi::AVERROR_DECODER_NOT_FOUND);
     /// No encoder of that name.
     pub(crate) const UNKNOWN_ENCODER: Self = Self(ffi::AVERROR_ENCODER_NOT_FOUND);
+    /// The call was stopped from outside.
+    pub(crate) const EXIT: Self = Self(ffi::AVERROR_EXIT);
+    /// A demuxer reads without end and gives nothing.
+    pub(crate) const NO_PROGRESS: Self = Self(ffi::AVERROR(libc::ELOOP));
+    /// Another file that must not be opened.
+    pub(crate) const FORBIDDEN: Self = Self(ffi::AVERROR(libc::EPERM));
+    /// A number does not fit where it is to be stored.
+    pub(crate) const OUT_OF_RANGE: Self = Self(ffi::AVERROR(libc::ERANGE));
     /// An argument does not fit.
     pub(crate) const INVALID: Self = Self(ffi::AVERROR(libc::EINVAL));
 

@@ -161,6 +161,21 @@ impl AvFrame {
         }
     }
 
+    /// Names of the metadata of dynamic HDR that the picture has.
+    pub(crate) fn dynamic_hdr(&self) -> Vec<&'static str> {
+        use ffi::AVFrameSideDataType as T;
+        let kinds = [
+            (T::AV_FRAME_DATA_DYNAMIC_HDR_PLUS, "HDR10+"),
+            (T::AV_FRAME_DATA_DYNAMIC_HDR_VIVID, "HDR Vivid"),
+            (T::AV_FRAME_DATA_DOVI_RPU_BUFFER, DOLBY_VISION),
+            (T::AV_FRAME_DATA_DOVI_METADATA, DOLBY_VISION),
+        ];
+        let mut names: Vec<_> =
+            kinds.into_iter().filter(|(kind, _)| self.side_data_bytes(*kind).is_some()).map(|(_, name)| name).collect();
+        names.dedup();
+        names
+    }
+
     /// Mastering display (`AVMasteringDisplayMetadata`) and content light (`AVContentLightMetadata`), as FFmpeg stores them.
     pub(crate) fn hdr_bytes(&self) -> (Option<&[u8]>, Option<&[u8]>) {
         use ffi::AVFrameSideDataType as T;
@@ -178,6 +193,9 @@ impl Drop for AvFrame {
         unsafe { ffi::av_frame_free(&raw mut raw) };
     }
 }
+
+/// Dynamic HDR by Dolby, as warnings name it.
+pub(crate) const DOLBY_VISION: &str = "Dolby Vision";
 
 /// What travels with a picture besides its pixels.
 pub(crate) struct SideData(AvFrame);

@@ -1,10 +1,11 @@
 //! Writing packets into a container.
 
+use std::ffi::{CStr, OsStr};
 use std::ptr::{self, NonNull};
 
 use ffmpeg_next::ffi;
 
-use super::dict::{c_string, string};
+use super::dict::{c_path, c_string, string};
 use super::error::check;
 use super::{AvError, Chapter, Dictionary, Encoder, Packet, Rational, StreamRef};
 
@@ -82,13 +83,13 @@ unsafe impl Send for Muxer {}
 
 impl Muxer {
     /// Starts a file at `url`, which is created or cut to nothing.
-    pub(crate) fn create(format: OutputFormat, url: &str) -> Result<Self, AvError> {
+    pub(crate) fn create(format: OutputFormat, url: &OsStr) -> Result<Self, AvError> {
         super::log::install();
-        let mut this = Self::allocate(format, url)?;
+        let url = c_path(url);
+        let mut this = Self::allocate(format, &url)?;
         if format.opens_own_files() {
             return Ok(this);
         }
-        let url = c_string(url);
         // SAFETY: a live context without io; on success it holds the io that `drop` closes.
         check(unsafe { ffi::avio_open(&raw mut (*this.ctx.as_ptr()).pb, url.as_ptr(), ffi::AVIO_FLAG_WRITE) })?;
         this.sink = Sink::File;
@@ -96,7 +97,7 @@ impl Muxer {
     }
 
     fn in_memory(format: OutputFormat) -> Result<Self, AvError> {
-        let mut this = Self::allocate(format, "trial")?;
+        let mut this = Self::allocate(format, c"trial")?;
         if !format.opens_own_files() {
             // SAFETY: a live context without io; the buffer is released in `drop`.
             check(unsafe { ffi::avio_open_dyn_buf(&raw mut (*this.ctx.as_ptr()).pb) })?;
@@ -105,8 +106,7 @@ impl Muxer {
         Ok(this)
     }
 
-    fn allocate(format: OutputFormat, url: &str) -> Result<Self, AvError> {
-        let url = c_string(url);
+    fn allocate(format: OutputFormat, url: &CStr) -> Result<Self, AvError> {
         let mut raw = ptr::null_mut();
         // SAFETY: a static format and a zero-terminated name, copied by FFmpeg.
         check(unsafe { ffi::avformat_alloc_output_context2(&raw mut raw, format.0, ptr::null(), url.as_ptr()) })?;
@@ -245,6 +245,12 @@ impl Muxer {
     /// Time base of stream `index`.
     pub(crate) fn time_base(&mut self, index: usize) -> Rational {
         self.stream_mut(index).time_base.into()
+    }
+
+    /// Two packets of a stream may have the same time.
+    pub(crate) fn allows_equal_times(&self) -> bool {
+        // SAFETY: a live context with a static format.
+        unsafe { (*self.ctx.as_ref().oformat).flags & ffi::AVFMT_TS_NONSTRICT != 0 }
     }
 
     /// Writes a packet, in the stream's time base, sorted in among the other streams. The packet is blank afterwards.

@@ -165,6 +165,11 @@ impl<'a> StreamRef<'a> {
             .any(|t| self.side_data(t).is_some())
     }
 
+    /// The container announces Dolby Vision.
+    pub(crate) fn has_dolby_vision(self) -> bool {
+        self.side_data(ffi::AVPacketSideDataType::AV_PKT_DATA_DOVI_CONF).is_some()
+    }
+
     pub(crate) fn is_attached_picture(self) -> bool {
         self.0.disposition & (ffi::AV_DISPOSITION_ATTACHED_PIC | ffi::AV_DISPOSITION_TIMED_THUMBNAILS) != 0
     }

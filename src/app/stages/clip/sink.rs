@@ -106,7 +106,7 @@ fn write_options(settings: &EncodeSettings, job: &Job<'_>) -> WriteOptions {
         bitrate: settings.bitrate.map(|b| b.0),
         threads: job.threads,
         overwrite: job.overwrite,
-        strict: settings.strict,
+        strict: job.strict,
         passthrough: PassthroughStreams::None,
     }
 }

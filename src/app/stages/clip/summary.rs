@@ -16,6 +16,7 @@ pub(crate) fn report_file(summary: &mut Summary, output: &Output, size: (usize, 
         summary.frames = written.frames;
         summary.size = Some((size.0 as u32, size.1 as u32));
     }
+    summary.input.iter_mut().for_each(|input| input.copied_videos.clone_from(&written.copied_videos));
     for warning in written.warnings {
         if !summary.warnings.contains(&warning) {
             summary.warnings.push(warning);

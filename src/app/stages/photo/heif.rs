@@ -20,7 +20,7 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
         return Err(bad(&format!("a HEIC picture in tiles, which are not joined here; {help}")));
     }
     // The size is checked before a pixel is decoded.
-    let input = Input::parse(&path.to_string_lossy())?;
+    let input = Input::parse(path)?;
     let read = ReadOptions { threads, ..ReadOptions::default() };
     let mut reader = VideoReader::open(&input, &read)?;
     let info = reader.info();
