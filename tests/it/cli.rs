@@ -267,15 +267,19 @@ fn a_suffix_names_results_and_folders_take_the_further_files_of_many_inputs() {
     for path in [
         "${item.dir}/${item.stem}_steady.${item.ext}",
         "${item.dir}/${item.stem}_steady.compare.${item.ext}",
-        "pages/${item.stem}_steady.html",
-        "motion/${item.stem}_steady.motion.json",
-        "maps/${item.stem}_steady",
+        "pages/${item.rel}/${item.stem}_steady.html",
+        "motion/${item.rel}/${item.stem}_steady.motion.json",
+        "maps/${item.rel}/${item.stem}_steady",
     ] {
         assert!(text.contains(&format!("path = \"{path}\"")), "{path}: {text}");
     }
     let photos = ["rectify", "p/*.jpg", "--out-dir", "d", "--suffix", "-flat", "--report", "r", "--save-lines", "l"];
     let text = printed(&photos);
-    for path in ["d/${item.stem}-flat.png", "r/${item.stem}-flat.html", "l/${item.stem}-flat.lines.json"] {
+    for path in [
+        "d/${item.rel}/${item.stem}-flat.png",
+        "r/${item.rel}/${item.stem}-flat.html",
+        "l/${item.rel}/${item.stem}-flat.lines.json",
+    ] {
         let kept = path.replace(".png", ".${item.ext}");
         assert!(text.contains(&format!("path = \"{path}\"")) || text.contains(&kept), "{path}: {text}");
     }

@@ -326,3 +326,110 @@ fn a_disabled_stage_and_an_optional_edge_to_it_fall_away() {
     let kept = read(source(&text), &["extra.enable=true".into()]).expect("no faults");
     assert!(kept.graph.stage("extra").is_some());
 }
+
+#[test]
+fn a_fault_of_syntax_hides_no_other_fault_and_invents_none() {
+    // Each text has one fault of syntax and a misspelled setting further down.
+    let end =
+        "[stage.out]\nuse = \"video.encode\"\ninputs = [\"steady\", \"source.audio\"]\npath = \"out.mp4\"\ncfr = 3\n";
+    let good = GOOD.split("[stage.out]").next().expect("its beginning");
+    let faulty = |from: &str, to: &str| {
+        assert!(good.contains(from), "{from}");
+        format!("{}{end}", good.replacen(from, to, 1))
+    };
+    for (name, text) in [
+        ("value", faulty("path = \"in.mp4\"", "path = in.mp4")),
+        ("string", faulty("path = \"in.mp4\"", "path = \"in.mp4")),
+        ("long string", faulty("path = \"in.mp4\"", "path = \"\"\"in.mp4")),
+        ("no value", faulty("path = \"in.mp4\"", "path =")),
+        ("two values", faulty("path = \"in.mp4\"", "path = \"in.mp4\" \"x\"")),
+        ("no key", faulty("path = \"in.mp4\"", "path = \"in.mp4\"\n= 3")),
+        ("no equals", faulty("path = \"in.mp4\"", "path = \"in.mp4\"\nstart")),
+        ("open list", faulty("[\"source\", \"warp\"]", "[\"source\", \"warp\"")),
+        ("open list over lines", faulty("[\"source\", \"warp\"]", "[\n  \"source\",\n  \"warp\",\n")),
+        ("list without comma", faulty("[\"source\", \"warp\"]", "[\n  \"source\"\n  \"warp\"\n]")),
+        ("open table", faulty("inputs = [\"motion\"]", "inputs = { motion = \"motion\"")),
+        ("header", faulty("[stage.motion]", "[stage.motion")),
+        ("header of a list", faulty("[stage.motion]", "[[stage.motion]")),
+        ("kind", faulty("use    = \"video.track\"", "use    = video.track")),
+        ("key twice", faulty("path = \"in.mp4\"", "path = \"in.mp4\"\npath = \"b.mp4\"")),
+        (
+            "table twice",
+            faulty("[stage.motion]", "[stage.tracks]\nuse = \"video.track\"\ninputs = [\"source\"]\n[stage.motion]"),
+        ),
+        ("version", faulty("version = 1", "version = one")),
+        ("number", faulty("path = \"in.mp4\"", "path = \"in.mp4\"\nstart = 1.2.3")),
+    ] {
+        let found = faults(&text, &[]);
+        let shown = found.render(false, 100);
+        let codes: Vec<&str> = found.problems.iter().map(|p| p.code).collect();
+        assert_eq!(codes, ["syntax", "unknown-key"], "{name}: {shown}");
+        let line = text.lines().position(|l| l == "cfr = 3").map(|at| at + 1);
+        let at = found.problems[1].labels.first().map(|(span, _)| found.sources.line_column(*span).0);
+        assert_eq!(at, line, "{name}: {shown}");
+    }
+    // Several at once, in their order.
+    let text = faulty("path = \"in.mp4\"", "path = in.mp4")
+        .replace("[\"motion\"]", "[\"motion\"")
+        .replace("cfr = 3", "crf = x");
+    let found = faults(&text, &["steady.interpolatoin=lanczos"]);
+    let lines: Vec<usize> = found
+        .problems
+        .iter()
+        .filter(|p| p.code == "syntax")
+        .map(|p| found.sources.line_column(p.labels[0].0).0)
+        .collect();
+    assert_eq!(lines.len(), 3, "{}", found.render(false, 100));
+    assert!(lines.is_sorted() && found.problems.iter().any(|p| p.code == "unknown-key"), "{lines:?}");
+}
+
+#[test]
+fn any_text_is_read_to_its_end_without_a_panic() {
+    let pieces = [
+        "[",
+        "]",
+        "=",
+        "\"",
+        "'",
+        "\n",
+        "a",
+        "é",
+        ".",
+        ",",
+        "{",
+        "}",
+        "#",
+        "\"\"\"",
+        "\\",
+        " ",
+        "[stage.a]\n",
+        "use = 1\n",
+    ];
+    let mut state = 7_u32;
+    for _ in 0..3000 {
+        let mut text = String::new();
+        for _ in 0..(state % 23) {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            text += pieces[(state >> 16) as usize % pieces.len()];
+        }
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        assert!(!faults(&text, &[]).problems.is_empty(), "{text:?}");
+    }
+}
+
+#[test]
+fn of_many_faults_fifty_are_printed_and_the_others_counted() {
+    let many: String = (0..2000).map(|i| format!("key{i} = {i}\n")).collect();
+    let found = faults(&format!("version = 1\n[stage.a]\nuse = \"video.decode\"\npath = \"a.mp4\"\n{many}"), &[]);
+    let text = found.render(false, 100);
+    let shown = text.matches("has no setting").count();
+    let further = found.problems.len() - shown;
+    assert_eq!(shown, 50);
+    assert!(text.ends_with(&format!("and {further} further errors\n")), "{}", &text[text.len() - 200..]);
+    let json = found.to_json();
+    let list = json.as_array().expect("a list");
+    assert_eq!((list.len(), &list[50]["code"]), (51, &"further".into()));
+    // Faults of syntax as well.
+    let many = "x =\n".repeat(500);
+    assert!(faults(&many, &[]).problems.len() <= 60);
+}

@@ -245,6 +245,7 @@ impl Progress for Notes {
             Event::TaskRetry { .. } => "retry",
             Event::TaskDone { .. } => "task done",
             Event::TaskFail { .. } => "task failed",
+            Event::TaskSkip { .. } => "up to date",
             Event::RunEnd { .. } => "run ends",
         };
         self.0.lock().expect("not poisoned").push(name);
@@ -272,6 +273,7 @@ fn a_summary_reads_well() {
         shake: Some(shake),
     };
     let summary = Summary {
+        up_to_date: false,
         input: Some(InputSummary { name: "tour.mov".into(), size: (1920, 1080), fps: Some(29.97), fps_assumed: false }),
         outputs: vec![Path::new("steady/tour.mp4").to_owned()],
         encoder: Some("libx264".into()),

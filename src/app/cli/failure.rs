@@ -2,6 +2,7 @@
 
 use std::io::{IsTerminal, Write};
 
+use crate::pipeline::paths::shown;
 use crate::pipeline::{Exit, Problems, RunError};
 
 /// Why a command failed.
@@ -23,7 +24,8 @@ impl Failure {
     /// Prints it to standard error; where that fails, nothing is left to print to.
     pub(super) fn report(&self) {
         let mut err = std::io::stderr().lock();
-        let _ = if self.drawn { write!(err, "{}", self.message) } else { writeln!(err, "error: {}", self.message) };
+        let message = shown(&self.message);
+        let _ = if self.drawn { write!(err, "{message}") } else { writeln!(err, "error: {message}") };
     }
 }
 

@@ -2,25 +2,26 @@
 
 use std::convert::Infallible;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Args;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use serde::Serialize;
 
 use super::failure::Failure;
 use crate::pipeline::PipelineFile;
 use crate::pipeline::file::{entries_of, literal_path};
 use crate::pipeline::items::is_glob;
-use crate::pipeline::options::{ProgressMode, RunSettings};
+use crate::pipeline::options::{Existing, ProgressMode, RunSettings};
+use crate::pipeline::paths::{to_path, to_text};
 use plumbline_shape::character::weights::WeightMethod;
 
 /// Options of every command that computes something.
 #[derive(Debug, Args)]
 pub(super) struct JobArgs {
-    /// Replace existing files
-    #[arg(short = 'y', visible_short_alias = 'f', long)]
-    overwrite: bool,
+    #[command(flatten)]
+    pub(super) again: AgainArgs,
     /// Take the defaults of the options from a file of settings, with tables by kind of stage such as [video.smooth]
     #[arg(long, value_name = "FILE.toml")]
     settings: Option<PathBuf>,
@@ -36,6 +37,31 @@ pub(super) struct JobArgs {
     /// Form of the progress messages
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
     progress: ProgressMode,
+}
+
+/// Options for running a job again, or its rest.
+#[derive(Debug, Args)]
+pub(super) struct AgainArgs {
+    /// What to do with results that exist: skip keeps those made from the same inputs, settings and version, and refuses all
+    /// others; refuse refuses them; overwrite replaces them; if left out, skip for many inputs and refuse for one
+    #[arg(long, value_enum, value_name = "HOW", hide_possible_values = true)]
+    existing: Option<Existing>,
+    /// Replace existing files: short for --existing overwrite
+    #[arg(short = 'y', visible_short_alias = 'f', long, conflicts_with = "existing")]
+    overwrite: bool,
+    /// Write how each item ended as JSON, also where items fail or the run is interrupted
+    #[arg(long, value_name = "FILE.json")]
+    pub(super) results: Option<PathBuf>,
+    /// Run only the items that failed, or were not started, in the run that wrote these --results
+    #[arg(long, value_name = "FILE.json")]
+    pub(super) retry_failed: Option<PathBuf>,
+}
+
+impl AgainArgs {
+    /// What the options say of results that exist.
+    pub(super) fn existing(&self) -> Option<Existing> {
+        if self.overwrite { Some(Existing::Overwrite) } else { self.existing }
+    }
 }
 
 /// The own options of a command that builds a pipeline.
@@ -63,9 +89,11 @@ impl<A: Args + BuildsPipeline> JobCommand<A> {
 impl JobArgs {
     /// The pipeline of a command, and how it runs.
     pub(super) fn complete(&self, command: &dyn BuildsPipeline) -> Result<PipelineFile, Failure> {
+        let AgainArgs { existing, overwrite, .. } = self.again;
         let run = RunSettings {
             threads: self.threads,
-            overwrite: self.overwrite,
+            existing,
+            overwrite,
             // Asked of the stage that encodes.
             strict: false,
             progress: self.progress,
@@ -132,8 +160,13 @@ pub(super) fn only_input<'a>(inputs: &'a [String], many: &str) -> Result<&'a str
     Ok(input)
 }
 
+/// Reads a path, of any bytes, as the text of a setting.
+pub(super) fn path_text() -> impl TypedValueParser<Value = String> {
+    OsStringValueParser::new().map(to_text)
+}
+
 /// Whether a name is a folder or a glob, which may be many files.
 pub(super) fn may_be_many(input: &str) -> bool {
-    let path = Path::new(input);
+    let path = to_path(input);
     path.is_dir() || (is_glob(input) && !path.exists())
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::job::path_text;
 use super::prelude::*;
 use super::render::RenderView;
 use super::target::{Names, TargetArgs};
@@ -11,7 +12,7 @@ use crate::stages::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, Mes
 #[derive(Debug, Args)]
 pub(super) struct MeshesArgs {
     /// Meshes (obj ply off stl gltf glb): files, globs, or folders
-    #[arg(required = true, value_name = "MESH")]
+    #[arg(required = true, value_parser = path_text(), value_name = "MESH")]
     inputs: Vec<String>,
     #[command(flatten)]
     target: TargetArgs,

@@ -3,6 +3,7 @@
 use clap::{ArgGroup, Args};
 
 use super::clip::ClipArgs;
+use super::job::path_text;
 use super::prelude::*;
 use crate::pipeline::reference::escape;
 use crate::stages::MotionExportSettings;
@@ -12,7 +13,7 @@ use crate::stages::MotionExportSettings;
 #[command(group = ArgGroup::new("targets").required(true).multiple(true).args(["output", "colmap", "gltf", "csv"]))]
 pub(super) struct MotionArgs {
     /// The clip
-    #[arg(value_name = "INPUT")]
+    #[arg(value_parser = path_text(), value_name = "INPUT")]
     input: String,
     #[command(flatten)]
     export: Given<Export>,

@@ -8,7 +8,8 @@ use std::fmt;
 use std::path::PathBuf;
 
 use clap::builder::{
-    PathBufValueParser, PossibleValue, PossibleValuesParser, RangedI64ValueParser, TypedValueParser, ValueParser,
+    OsStringValueParser, PathBufValueParser, PossibleValue, PossibleValuesParser, RangedI64ValueParser,
+    TypedValueParser, ValueParser,
 };
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches, ValueHint};
@@ -17,6 +18,7 @@ use serde_json::{Map, Value as Json};
 use super::spelling::british;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::kind::{Stage, schema_of};
+use crate::pipeline::paths::to_text;
 use crate::pipeline::reference::escape;
 use crate::pipeline::settings::{aliases, allowed_range, check_report, choices, number_of, range_text};
 
@@ -172,7 +174,7 @@ impl Setting {
             return PathBufValueParser::new().try_map(checked).into();
         }
         if is(property, "array") {
-            return ValueParser::new(|text: &str| Ok::<_, String>(Json::String(escape(text))));
+            return OsStringValueParser::new().map(|name| Json::String(escape(&to_text(name)))).into();
         }
         // Text with a pattern holds no reference; other text may look like one.
         let free = property["pattern"].is_null() && words.is_empty();

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::failure::Failure;
-use super::job::only_input;
+use super::job::{only_input, path_text};
 use super::options::{Given, Offer, Setting};
 use super::target::TargetArgs;
 use crate::pipeline::file::literal_path;
 use crate::pipeline::items::has_extension;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::reference::escape;
 use crate::pipeline::{PipelineFile, StageEntry};
 use crate::stages::{
@@ -25,17 +26,17 @@ const KEPT_FORMATS: [&str; 8] = ["jpg", "jpeg", "jpe", "jfif", "png", "tif", "ti
 #[derive(Debug, Args)]
 pub(super) struct PhotoArgs {
     /// Pictures (jpg png tif webp heic avif) or clips (mp4 mov mkv and others): files, globs, or folders
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required = true, value_parser = path_text(), value_name = "INPUT")]
     pub(super) inputs: Vec<String>,
     #[command(flatten)]
     pub(super) target: TargetArgs,
 
     /// Lines to make straight: auto finds them, off uses none; if left out, NAME.lines.json beside the picture, or auto where
     /// there is no such file
-    #[arg(long, value_name = "auto|off|FILE", help_heading = "What to keep in shape")]
+    #[arg(long, value_parser = path_text(), value_name = "auto|off|FILE", help_heading = "What to keep in shape")]
     lines: Option<String>,
     /// Faces to keep in shape: auto finds them
-    #[arg(long, default_value = "auto", value_name = "auto|off|FILE", help_heading = "What to keep in shape")]
+    #[arg(long, default_value = "auto", value_parser = path_text(), value_name = "auto|off|FILE", help_heading = "What to keep in shape")]
     pub(super) faces: String,
 
     #[command(flatten)]
@@ -125,7 +126,7 @@ impl PhotoArgs {
         }
         let Some(output) = self.target.file() else { return self.batch_names() };
         let input = only_input(&self.inputs, "pictures")?;
-        let lines = Path::new(input).with_extension("lines.json");
+        let lines = to_path(input).with_extension("lines.json");
         Ok(Names { source: escape(input), lines: literal_path(&lines), output: literal_path(output) })
     }
 
@@ -163,7 +164,7 @@ impl PhotoArgs {
                 Some("found")
             }
             Some(file) => {
-                stages.push(load(literal_path(Path::new(file)), false));
+                stages.push(load(escape(file), false));
                 Some("lines")
             }
             None => {
@@ -189,7 +190,7 @@ impl PhotoArgs {
         let stage = match self.faces.as_str() {
             "off" => return None,
             "auto" => StageEntry::built("faces", &FacesDetectSettings::default()),
-            file => StageEntry::built("faces", &FacesLoadSettings { path: literal_path(Path::new(file)) }),
+            file => StageEntry::built("faces", &FacesLoadSettings { path: escape(file) }),
         };
         stages.push(stage.input("image", "photo"));
         Some("faces")

@@ -1,7 +1,5 @@
 //! `rectify` and `retarget` on clips: the same options, as a graph over frames. A clip is recognized by its name.
 
-use std::path::Path;
-
 use clap::Args;
 
 use super::clip::{LengthArg, clip_extension};
@@ -9,8 +7,9 @@ use super::failure::Failure;
 use super::options::{Given, Offer, Setting};
 use super::photo::PhotoArgs;
 use super::target::Names;
-use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, expand, has_extension};
+use crate::pipeline::items::{CLIP_EXTENSIONS, PHOTO_EXTENSIONS, Search, has_extension};
 use crate::pipeline::options::BatchSettings;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::{PipelineFile, StageEntry};
 use crate::stages::{
     Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
@@ -109,8 +108,9 @@ pub(super) fn analysis(lens: Option<&str>) -> Vec<StageEntry> {
 }
 
 /// Whether the inputs are clips.
-pub(super) fn are_clips(inputs: &[String]) -> Result<bool, Failure> {
-    let clips = inputs.iter().filter(|input| is_clip(input)).count();
+pub(super) fn are_clips(photo: &PhotoArgs) -> Result<bool, Failure> {
+    let inputs = &photo.inputs;
+    let clips = inputs.iter().filter(|input| is_clip(input, !photo.target.no_recurse)).count();
     if clips > 0 && clips < inputs.len() {
         let message = "some inputs are clips and some are pictures; give each kind a run of its own";
         return Err(Failure::usage(message.to_owned()));
@@ -119,10 +119,12 @@ pub(super) fn are_clips(inputs: &[String]) -> Result<bool, Failure> {
 }
 
 /// A name that ends like a clip's, or a folder that holds clips and no photos.
-fn is_clip(input: &str) -> bool {
-    let path = Path::new(input);
-    let holds =
-        |extensions: &[&str]| expand(&[input.to_owned()], None, extensions).is_ok_and(|files| !files.is_empty());
+fn is_clip(input: &str, recurse: bool) -> bool {
+    let path = &to_path(input);
+    let holds = |extensions: &[&str]| {
+        let search = Search { extensions, recurse, ..Search::default() };
+        search.paths(&[input.to_owned()]).is_ok_and(|files| files.iter().any(|path| has_extension(path, extensions)))
+    };
     if path.is_dir() {
         holds(&CLIP_EXTENSIONS) && !holds(&PHOTO_EXTENSIONS)
     } else {

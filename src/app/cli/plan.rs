@@ -17,7 +17,7 @@ impl PlanArgs {
     pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
         let pipeline = self.pipeline.read()?;
         // A plan can be read before the clips exist: then the figures stay symbolic.
-        let instances = pipeline.instances().unwrap_or_default();
+        let instances = self.pipeline.instances(&pipeline)?;
         let first = instances.first();
         let clip = first
             .and_then(|i| i.inputs().into_iter().next())

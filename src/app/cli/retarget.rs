@@ -51,7 +51,7 @@ impl Offer for Render {
 
 impl BuildsPipeline for RetargetArgs {
     fn pipeline(&self) -> Result<PipelineFile, Failure> {
-        if are_clips(&self.photo.inputs)? { self.of_clips() } else { self.of_photos() }
+        if are_clips(&self.photo)? { self.of_clips() } else { self.of_photos() }
     }
 }
 

@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::clip::{ClipArgs, clip_extension};
-use super::job::only_input;
+use super::job::{only_input, path_text};
 use super::prelude::*;
 use super::target::TargetArgs;
 use crate::pipeline::items::{is_picture, pictures};
-use crate::pipeline::options::BatchSettings;
 use crate::pipeline::reference::escape;
 use crate::stages::{
     Border, EncodeSettings, InSpace, ModelChoice, MotionExportSettings, RenderSettings, ReportSettings, SmoothSettings,
@@ -20,7 +19,7 @@ use crate::stages::{
 pub(super) struct StabilizeArgs {
     /// Clips: files, globs, or folders (3gp avi flv insv m2ts m4v mkv mov mp4 mpeg mpg mts mxf ogv ts vob webm wmv y4m);
     /// one image sequence (frames/%05d.png, a folder or a quoted glob of pictures); - for standard input
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required = true, value_parser = path_text(), value_name = "INPUT")]
     inputs: Vec<String>,
     #[command(flatten)]
     target: TargetArgs,
@@ -36,6 +35,9 @@ pub(super) struct StabilizeArgs {
     #[command(flatten)]
     encode: Given<Encode>,
 
+    /// Clips at work at once
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
+    jobs: u32,
     /// Also write original and result side by side, to OUTPUT with .compare before its extension
     #[arg(long, help_heading = "Extras")]
     compare: bool,
@@ -110,7 +112,7 @@ impl BuildsPipeline for StabilizeArgs {
         };
         let mut stages = self.analysis(source);
         stages.extend(self.rendering(&output)?);
-        let batch = self.target.batch(&self.inputs, BatchSettings::default().jobs);
+        let batch = self.target.batch(&self.inputs, self.jobs);
         Ok(PipelineFile { batch, ..PipelineFile::built("stabilize", stages) })
     }
 }

@@ -11,14 +11,27 @@ use crate::pipeline::options::{BatchSettings, Foreach};
 use crate::pipeline::reference::escape;
 use crate::pipeline::syntax::Entry;
 
-/// Options of commands that take one input or many.
+/// Options of pipelines that take one input or many.
+#[derive(Debug, Args)]
+pub(super) struct TargetArgs {
+    #[command(flatten)]
+    names: NameArgs,
+    /// Write all results directly to --out-dir, whatever folders their inputs are in
+    #[arg(id = "flat_tree", long = "flat", requires = "out_dir")]
+    flat: bool,
+    /// Of a folder, take only the files directly in it; by default folders are searched at any depth
+    #[arg(long)]
+    pub(super) no_recurse: bool,
+}
+
+/// The names of results.
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("target").required(true).multiple(true).args(["output", "out_dir", "suffix"]))]
-pub(super) struct TargetArgs {
+pub(super) struct NameArgs {
     /// The file to write, for one input; its extension chooses the format; - for standard output, of clips
     #[arg(short, long, value_name = "OUTPUT", conflicts_with_all = ["out_dir", "suffix"])]
     pub(super) output: Option<PathBuf>,
-    /// The folder to write to; results keep the names of their inputs
+    /// The folder to write to; results keep the names of their inputs, and the folders below a folder or glob that was given
     #[arg(long, value_name = "DIR")]
     pub(super) out_dir: Option<PathBuf>,
     /// Text after the name of each input, such as _steady; without --out-dir results are written beside their inputs
@@ -37,7 +50,7 @@ pub(super) struct Names {
 impl TargetArgs {
     /// The file, where one is named.
     pub(super) fn file(&self) -> Option<&Path> {
-        self.output.as_deref()
+        self.names.output.as_deref()
     }
 
     /// One run for each input where results have names of their own; `jobs` at once, 0 for as many as processors and memory
@@ -48,14 +61,14 @@ impl TargetArgs {
             [one] => Foreach::One(one.clone()),
             _ => Foreach::List(patterns),
         };
-        let batch = BatchSettings { foreach, jobs, ..BatchSettings::default() };
-        self.output.is_none().then(|| entries_of(&batch, &BatchSettings::default()))
+        let batch = BatchSettings { foreach, jobs, recurse: !self.no_recurse, ..BatchSettings::default() };
+        self.names.output.is_none().then(|| entries_of(&batch, &BatchSettings::default()))
     }
 
     /// Input and result of a command; `many` says what its inputs are, such as `meshes`, and `extension` which extension
     /// results get that are named after them.
     pub(super) fn names(&self, inputs: &[String], many: &str, extension: &str) -> Result<Names, Failure> {
-        match &self.output {
+        match &self.names.output {
             Some(output) => Ok(Names { source: escape(only_input(inputs, many)?), output: literal_path(output) }),
             None => Ok(Names { source: "${item.path}".to_owned(), output: self.template(extension) }),
         }
@@ -63,14 +76,15 @@ impl TargetArgs {
 
     /// The name of each result.
     pub(super) fn template(&self, extension: &str) -> String {
-        let folder = self.out_dir.as_deref().map_or_else(|| "${item.dir}".to_owned(), folder_of);
+        let folder =
+            self.names.out_dir.as_deref().map_or_else(|| "${item.dir}".to_owned(), |folder| self.mirrored(folder));
         format!("{folder}/{}.{extension}", self.stem())
     }
 
     /// There may be more than one input.
     pub(super) fn is_many(&self, inputs: &[String]) -> bool {
         let many = if let [one] = inputs { may_be_many(one) } else { true };
-        self.output.is_none() && many
+        self.names.output.is_none() && many
     }
 
     /// The name of a further file of each item: `given` itself for one input, in the folder `given` for many.
@@ -79,11 +93,17 @@ impl TargetArgs {
             return literal_path(given);
         }
         let dot = if extension.is_empty() { "" } else { "." };
-        format!("{}/{}{dot}{extension}", folder_of(given), self.stem())
+        format!("{}/{}{dot}{extension}", self.mirrored(given), self.stem())
+    }
+
+    /// The folder of a result in `folder`, as a template: folders of the inputs are kept.
+    fn mirrored(&self, folder: &Path) -> String {
+        let folder = folder_of(folder);
+        if self.flat { folder } else { format!("{folder}/${{item.rel}}") }
     }
 
     fn stem(&self) -> String {
-        format!("${{item.stem}}{}", escape(self.suffix.as_deref().unwrap_or_default()))
+        format!("${{item.stem}}{}", escape(self.names.suffix.as_deref().unwrap_or_default()))
     }
 }
 
@@ -105,14 +125,18 @@ mod tests {
     use super::*;
 
     fn target(out_dir: Option<&str>, suffix: Option<&str>) -> TargetArgs {
-        TargetArgs { output: None, out_dir: out_dir.map(PathBuf::from), suffix: suffix.map(str::to_owned) }
+        let out_dir = out_dir.map(PathBuf::from);
+        let names = NameArgs { output: None, out_dir, suffix: suffix.map(str::to_owned) };
+        TargetArgs { names, flat: false, no_recurse: false }
     }
 
     #[test]
     fn a_suffix_goes_behind_the_name_beside_the_input_or_in_the_folder() {
         assert_eq!(target(None, Some("_steady")).template("mp4"), "${item.dir}/${item.stem}_steady.mp4");
-        assert_eq!(target(Some("d/"), Some("-x")).template("mp4"), "d/${item.stem}-x.mp4");
-        assert_eq!(target(Some("d"), None).template("${item.ext}"), "d/${item.stem}.${item.ext}");
+        assert_eq!(target(Some("d/"), Some("-x")).template("mp4"), "d/${item.rel}/${item.stem}-x.mp4");
+        assert_eq!(target(Some("d"), None).template("${item.ext}"), "d/${item.rel}/${item.stem}.${item.ext}");
+        let flat = TargetArgs { flat: true, ..target(Some("d"), None) };
+        assert_eq!(flat.template("mp4"), "d/${item.stem}.mp4");
         assert_eq!(target(None, Some("${x}")).template("mp4"), "${item.dir}/${item.stem}$${x}.mp4");
         for bad in ["", "a/b", "\\"] {
             assert!(suffix(bad).is_err(), "{bad}");
@@ -124,7 +148,7 @@ mod tests {
         let inputs = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
         let beside = |inputs: &[String]| target(Some("d"), Some("_s")).beside(Path::new("r.html"), inputs, "html");
         assert_eq!(beside(&inputs(&["a.mp4"])), "r.html");
-        assert_eq!(beside(&inputs(&["a.mp4", "b.mp4"])), "r.html/${item.stem}_s.html");
-        assert_eq!(beside(&inputs(&["*.mp4"])), "r.html/${item.stem}_s.html");
+        assert_eq!(beside(&inputs(&["a.mp4", "b.mp4"])), "r.html/${item.rel}/${item.stem}_s.html");
+        assert_eq!(beside(&inputs(&["*.mp4"])), "r.html/${item.rel}/${item.stem}_s.html");
     }
 }

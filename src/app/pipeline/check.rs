@@ -7,13 +7,14 @@ use serde_json::Value as Json;
 use super::connect::{Prepared, connect};
 use super::file::{PipelineFile, StageEntry};
 use super::graph::Graph;
-use super::kind::{Settings, schema_of};
+use super::kind::{Settings, StageKind, schema_of};
 use super::load::load;
-use super::options::{BatchSettings, RunSettings};
+use super::options::{BatchSettings, Existing, RunSettings};
 use super::problem::{Problem, Problems};
+use super::recover::{Recovered, parse_recovering};
 use super::reference::{Item, Resolved, Scope, resolve};
 use super::settings::{Checked, Expected, check_table};
-use super::syntax::{Entry, Node, Source, Sources, Span, Value, parse};
+use super::syntax::{Entry, Node, Source, Sources, Span, Value};
 use super::{overrides, suggest};
 
 /// A pipeline without faults.
@@ -43,13 +44,16 @@ impl PartialEq for Pipeline {
 pub fn read(source: Source, set: &[String]) -> Result<Pipeline, Problems> {
     let (mut sources, mut problems) = (Sources::default(), Vec::new());
     let id = sources.add(source);
-    let mut root = match parse(&sources, id) {
-        Ok(root) => root,
-        Err(problem) => return Err(Problems::new(vec![problem], sources)),
-    };
+    let Recovered { mut root, problems: faults, incomplete } = parse_recovering(&sources, id);
+    problems.extend(faults);
     overrides::apply(&mut root, set, &mut sources, &mut problems);
     let file = load(root, sources, &mut problems);
-    check_with(file, problems)
+    let checked = check_with(file, problems);
+    // What is missing may be in what was taken out.
+    checked.map_err(|mut all| {
+        all.problems.retain(|problem| !incomplete || !problem.is_of_absence());
+        all
+    })
 }
 
 /// Checks a pipeline that a program built.
@@ -66,6 +70,7 @@ fn check_with(file: PipelineFile, mut problems: Vec<Problem>) -> Result<Pipeline
     let scope = Scope { vars: &vars, env: &env, item: None };
     let prepared = file.stages.iter().map(|s| prepare(&file, s, &scope, &mut problems)).collect();
     let run = options::<RunSettings>("[run]", &file.run, &file, &scope, &mut problems);
+    check_existing(run.as_ref(), &file, &mut problems);
     let batch = file.batch.as_ref().map(|entries| batch(entries, &file, &scope, &mut problems));
     check_item_use(&file, &mut problems);
     let graph = connect(&file, prepared, &mut problems);
@@ -109,41 +114,86 @@ fn stage_problem_name(stage: &StageEntry) -> String {
     format!("stage `{}` ({kind})", stage.name.text)
 }
 
-/// Checks the settings of one stage; also used with an item to fill what waited for it.
+/// Checks the settings of one stage; those that wait for an item are given back.
 pub(super) fn stage_settings(
     file: &PipelineFile,
     stage: &StageEntry,
     scope: &Scope<'_>,
     problems: &mut Vec<Problem>,
 ) -> (Option<Arc<dyn Settings>>, Vec<Entry>) {
-    let Some(kind) = stage.kind else { return (None, Vec::new()) };
-    let accepts = |json: Json| (kind.parse)(json).map(drop).map_err(|e| e.to_string());
-    let schema = (kind.schema)();
-    let expected =
-        Expected { what: stage_problem_name(stage), schema: &schema, required: kind.required, accepts: &accepts };
-    let Checked { json, deferred } =
-        check_table(&stage.settings, stage.name.span, &expected, scope, &file.sources, problems);
+    let Some(template) = StageTemplate::new(file, stage, scope, problems) else { return (None, Vec::new()) };
     // What waits for the item counts as given: a path of the item is a path.
-    let waiting = deferred.iter().filter_map(|e| Some((e.key.clone(), Json::from(e.node.text()?))));
-    let whole: serde_json::Map<_, _> = json.clone().into_iter().chain(waiting).collect();
-    let conflicts = (kind.parse)(Json::Object(whole)).map(|settings| settings.conflicts()).unwrap_or_default();
-    let settings = match (kind.parse)(Json::Object(json)) {
-        Ok(settings) => Some(settings),
-        Err(error) => {
-            problems
-                .push(Problem::new("bad-value", format!("{}: {error}", expected.what)).label(stage.name.span, "here"));
-            None
-        }
-    };
-    for conflict in conflicts {
-        let span = stage.settings.iter().find(|e| e.key == conflict.key).map(|e| e.key_span.or(e.node.span));
-        problems.push(
-            Problem::new("conflict", format!("{}: {}", expected.what, conflict.message))
-                .label(span.unwrap_or(stage.name.span), "here")
-                .help(conflict.help),
-        );
+    let waiting = template.deferred.iter().filter_map(|e| Some((e.key.clone(), Json::from(e.node.text()?))));
+    let whole = template.known.clone().into_iter().chain(waiting).collect();
+    template.check_conflicts(&(template.kind.parse)(Json::Object(whole)).ok(), problems);
+    (template.parse(template.known.clone(), problems), template.deferred)
+}
+
+/// The settings of a stage as far as they are known without an item.
+pub(super) struct StageTemplate<'f> {
+    file: &'f PipelineFile,
+    stage: &'f StageEntry,
+    kind: &'static StageKind,
+    schema: Arc<Json>,
+    known: serde_json::Map<String, Json>,
+    deferred: Vec<Entry>,
+}
+
+impl<'f> StageTemplate<'f> {
+    /// Checks what is known in `scope`; `None` for a stage of no kind, which was reported.
+    pub(super) fn new(
+        file: &'f PipelineFile,
+        stage: &'f StageEntry,
+        scope: &Scope<'_>,
+        problems: &mut Vec<Problem>,
+    ) -> Option<Self> {
+        let kind = stage.kind?;
+        let mut template =
+            Self { file, stage, kind, schema: kind.json_schema(), known: serde_json::Map::new(), deferred: Vec::new() };
+        let checked = template.check(&stage.settings, kind.required, scope, problems);
+        (template.known, template.deferred) = (checked.json, checked.deferred);
+        Some(template)
     }
-    (settings, deferred)
+
+    /// The settings of one item. Only what waited for it is looked at.
+    pub(super) fn fill(&self, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Option<Arc<dyn Settings>> {
+        let filled = self.check(&self.deferred, &[], scope, problems).json;
+        let settings = self.parse(self.known.clone().into_iter().chain(filled).collect(), problems);
+        self.check_conflicts(&settings, problems);
+        settings
+    }
+
+    fn what(&self) -> String {
+        stage_problem_name(self.stage)
+    }
+
+    fn check(&self, entries: &[Entry], required: &[&str], scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Checked {
+        let accepts = |json: Json| (self.kind.parse)(json).map(drop).map_err(|e| e.to_string());
+        let expected = Expected { what: self.what(), schema: &self.schema, required, accepts: &accepts };
+        check_table(entries, self.stage.name.span, &expected, scope, &self.file.sources, problems)
+    }
+
+    fn parse(&self, json: serde_json::Map<String, Json>, problems: &mut Vec<Problem>) -> Option<Arc<dyn Settings>> {
+        let refused = |error| Problem::new("bad-value", format!("{}: {error}", self.what()));
+        match (self.kind.parse)(Json::Object(json)) {
+            Ok(settings) => Some(settings),
+            Err(error) => {
+                problems.push(refused(error).label(self.stage.name.span, "here"));
+                None
+            }
+        }
+    }
+
+    fn check_conflicts(&self, settings: &Option<Arc<dyn Settings>>, problems: &mut Vec<Problem>) {
+        for conflict in settings.iter().flat_map(|settings| settings.conflicts()) {
+            let span = self.stage.settings.iter().find(|e| e.key == conflict.key).map(|e| e.key_span.or(e.node.span));
+            problems.push(
+                Problem::new("conflict", format!("{}: {}", self.what(), conflict.message))
+                    .label(span.unwrap_or(self.stage.name.span), "here")
+                    .help(conflict.help),
+            );
+        }
+    }
 }
 
 fn prepare(file: &PipelineFile, stage: &StageEntry, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Prepared {
@@ -158,6 +208,7 @@ fn enabled(stage: &StageEntry, node: &Node, scope: &Scope<'_>, problems: &mut Ve
             Value::Bool(b) => return *b,
             Value::Loose(text) if text == "true" => return true,
             Value::Loose(text) if text == "false" => return false,
+            Value::Unknown => return true,
             _ => node.type_name().to_owned(),
         },
         Ok(Resolved::Deferred) => "a reference to the item".to_owned(),
@@ -192,6 +243,22 @@ where
     serde_json::from_value(Json::Object(json)).ok()
 }
 
+/// `overwrite` is short for one value of `existing`, and cannot go with another.
+fn check_existing(run: Option<&RunSettings>, file: &PipelineFile, problems: &mut Vec<Problem>) {
+    let Some(RunSettings { existing: Some(existing), overwrite: true, .. }) = run else { return };
+    if *existing != Existing::Overwrite {
+        let span = file.run.iter().find(|e| e.key == "overwrite").and_then(|e| e.key_span.or(e.node.span));
+        problems.push(
+            Problem::new(
+                "conflict",
+                "`overwrite` of [run] is short for `existing = \"overwrite\"`, but `existing` is another",
+            )
+            .label(span, "here")
+            .help("leave one of them out"),
+        );
+    }
+}
+
 /// `key` is a template over the item: it is kept as it is written. The rest is read at once.
 fn batch(
     entries: &[Entry],
@@ -202,6 +269,9 @@ fn batch(
     let (keys, others): (Vec<Entry>, Vec<Entry>) = entries.iter().cloned().partition(|e| e.key == "key");
     let mut settings: BatchSettings = options("[batch]", &others, file, scope, problems)?;
     for key in &keys {
+        if key.node.value == Value::Unknown {
+            continue;
+        }
         if let Some(text) = key.node.text() {
             text.clone_into(&mut settings.key);
             check_template(key, scope, problems);
@@ -227,7 +297,7 @@ fn foreach_base(entries: &[Entry], file: &PipelineFile) -> Option<std::path::Pat
 
 /// Tries the template with a made-up item, so that a mistyped reference is found before any work.
 fn check_template(entry: &Entry, scope: &Scope<'_>, problems: &mut Vec<Problem>) {
-    let item = Item { path: "item.mp4".into(), index: 0 };
+    let item = Item { path: "item.mp4".into(), rel: ".".into(), index: 0 };
     problems.extend(resolve(&entry.node, &Scope { item: Some(&item), ..*scope }).err());
 }
 

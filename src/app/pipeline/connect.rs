@@ -1,12 +1,14 @@
 //! Connects the stages of a file: names to stages, outputs to ports, types to types, every fault at once.
 
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
 use std::sync::Arc;
 
 use super::file::{Input, Name, PipelineFile, StageEntry};
 use super::graph::{Edge, Graph, Stage};
 use super::kind::{Settings, StageKind};
 use super::port::{Port, PortType};
-use super::problem::Problem;
+use super::problem::{MAX_SHOWN, Problem};
 use super::suggest::did_you_mean;
 use super::syntax::{Entry, Span};
 use super::warps;
@@ -29,7 +31,12 @@ struct Link {
 /// Connects the stages of `file`; appends every fault, and gives the graph if there was none.
 pub(super) fn connect(file: &PipelineFile, prepared: Vec<Prepared>, problems: &mut Vec<Problem>) -> Graph {
     let before = problems.len();
-    let wiring = Wiring { stages: &file.stages, prepared: &prepared };
+    // The first of a name counts: TOML has no second.
+    let mut named = HashMap::new();
+    for (i, stage) in file.stages.iter().enumerate() {
+        named.entry(stage.name.text.as_str()).or_insert(i);
+    }
+    let wiring = Wiring { stages: &file.stages, named: &named, prepared: &prepared };
     let links: Vec<Vec<Link>> = (0..file.stages.len()).map(|i| wiring.links(i, problems)).collect();
     let order = sorted(&file.stages, &links, problems);
     if problems.len() > before {
@@ -37,8 +44,9 @@ pub(super) fn connect(file: &PipelineFile, prepared: Vec<Prepared>, problems: &m
     }
     let graph = assemble(file, prepared, &links, &order);
     check_sinks(&graph, problems);
-    check_resamples(&graph, file, problems);
-    check_streams(&graph, file, problems);
+    let span = |stage: &Stage| named.get(stage.name.as_str()).and_then(|i| file.stages[*i].name.span);
+    check_resamples(&graph, &span, problems);
+    check_streams(&graph, &span, problems);
     graph
 }
 
@@ -54,6 +62,8 @@ struct Found {
 
 struct Wiring<'a> {
     stages: &'a [StageEntry],
+    /// Positions of the stages by their names.
+    named: &'a HashMap<&'a str, usize>,
     prepared: &'a [Prepared],
 }
 
@@ -61,7 +71,7 @@ impl Wiring<'_> {
     fn links(&self, at: usize, problems: &mut Vec<Problem>) -> Vec<Link> {
         let stage = &self.stages[at];
         let Some(kind) = stage.kind.filter(|_| self.prepared[at].enabled) else { return Vec::new() };
-        let mut found = Found::default();
+        let mut found = Found { unsound: stage.unsound, ..Found::default() };
         for (port, from) in assignments(stage, kind, problems, &mut found.unsound) {
             match self.resolve(stage, port, from, problems) {
                 Some((i, _)) if !self.prepared[i].enabled => found.disabled.push((port, i, from.span)),
@@ -86,14 +96,16 @@ impl Wiring<'_> {
     ) -> Option<(usize, &'static Port)> {
         let (name, output) = from.text.split_once('.').map_or((from.text.as_str(), None), |(s, o)| (s, Some(o)));
         // The stage by its name.
-        let Some(i) = self.stages.iter().position(|s| s.name.text == name) else {
+        let Some(&i) = self.named.get(name) else {
+            // A suggestion looks at every stage: of more faults than are shown it is left out.
+            let known = self.stages.iter().take(if problems.len() < MAX_SHOWN { usize::MAX } else { 0 });
             problems.push(
                 Problem::new(
                     "input",
                     format!("stage `{}` takes input from `{name}`, which does not exist", stage.name.text),
                 )
                 .label(from.span, "no such stage")
-                .suggest(did_you_mean(name, self.stages.iter().map(|s| s.name.text.as_str()))),
+                .suggest(did_you_mean(name, known.map(|s| s.name.text.as_str()))),
             );
             return None;
         };
@@ -241,11 +253,21 @@ fn wrong_data(stage: &StageEntry, port: &Port, from: &Name, source: (&str, &Stag
 
 /// Kahn's algorithm, ties in the order of the file; a cycle is reported with its chain.
 fn sorted(stages: &[StageEntry], links: &[Vec<Link>], problems: &mut Vec<Problem>) -> Vec<usize> {
-    let mut order: Vec<usize> = Vec::new();
+    let mut order: Vec<usize> = Vec::with_capacity(stages.len());
     let mut done = vec![false; stages.len()];
-    while let Some(next) = (0..stages.len()).find(|&i| !done[i] && links[i].iter().all(|l| done[l.from])) {
+    let mut waiting: Vec<usize> = links.iter().map(Vec::len).collect();
+    let mut feeds: Vec<Vec<usize>> = vec![Vec::new(); stages.len()];
+    for (i, link) in links.iter().enumerate().flat_map(|(i, links)| links.iter().map(move |link| (i, link))) {
+        feeds[link.from].push(i);
+    }
+    let mut ready: BinaryHeap<Reverse<usize>> = (0..stages.len()).filter(|i| waiting[*i] == 0).map(Reverse).collect();
+    while let Some(Reverse(next)) = ready.pop() {
         done[next] = true;
         order.push(next);
+        for &fed in &feeds[next] {
+            waiting[fed] -= 1;
+            ready.extend((waiting[fed] == 0).then_some(Reverse(fed)));
+        }
     }
     if let Some(start) = done.iter().position(|d| !d) {
         problems.push(cycle(start, stages, links, &done));
@@ -256,17 +278,22 @@ fn sorted(stages: &[StageEntry], links: &[Vec<Link>], problems: &mut Vec<Problem
 fn cycle(start: usize, stages: &[StageEntry], links: &[Vec<Link>], done: &[bool]) -> Problem {
     // Every stage that is left waits for one that is left: walking back must meet itself.
     let mut walk = vec![start];
+    let mut position = HashMap::from([(start, 0)]);
     let ring = loop {
         let at = walk[walk.len() - 1];
         let Some(from) = links[at].iter().map(|l| l.from).find(|&f| !done[f]) else { break walk };
-        if let Some(first) = walk.iter().position(|&w| w == from) {
+        if let Some(first) = position.insert(from, walk.len()) {
             break walk.split_off(first);
         }
         walk.push(from);
     };
-    let mut names: Vec<&str> = ring.iter().rev().map(|&i| stages[i].name.text.as_str()).collect();
+    let mut names: Vec<&str> = ring.iter().rev().take(MAX_SHOWN).map(|&i| stages[i].name.text.as_str()).collect();
+    if ring.len() > names.len() {
+        names.push("…");
+    }
     names.push(names[0]);
-    let span = links[ring[0]].iter().find(|l| ring.contains(&l.from)).and_then(|l| l.span);
+    let next = ring.get(1).unwrap_or(&ring[0]);
+    let span = links[ring[0]].iter().find(|l| l.from == *next).and_then(|l| l.span);
     Problem::new("cycle", format!("the stages form a cycle: {}", names.join(" → ")))
         .label(span, "closes the circle")
         .help("a stage cannot take data that it gave")
@@ -296,10 +323,10 @@ fn check_sinks(graph: &Graph, problems: &mut Vec<Problem>) {
 }
 
 /// What the bodies of the stages cannot do: pictures of another clip beside the result, maps in an order that means nothing.
-fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
+fn check_streams(graph: &Graph, span_of: &dyn Fn(&Stage) -> Option<Span>, problems: &mut Vec<Problem>) {
     for stage in &graph.stages {
         let from = |port: &str| stage.edges.iter().find(|e| e.port.name == port).map(|e| e.from);
-        let span = || file.stages.iter().find(|s| s.name.text == stage.name).and_then(|s| s.name.span);
+        let span = || span_of(stage);
         let upstream = |at: usize| graph.stages[at].edges.iter().find(|e| e.port.name == "frames").map(|e| e.from);
         if let (Some(frames), Some(beside)) = (from("frames"), from("side_by_side"))
             && beside != frames
@@ -314,19 +341,19 @@ fn check_streams(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>
     }
 }
 
-fn check_resamples(graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
+fn check_resamples(graph: &Graph, span_of: &dyn Fn(&Stage) -> Option<Span>, problems: &mut Vec<Problem>) {
+    let resamples = graph.all_resamples();
     for (i, stage) in graph.stages.iter().enumerate() {
-        let twice = stage.kind.resamples && graph.resamples(i) > 1;
-        let feeds_again = stage.edges.iter().find(|e| e.output.data.is_picture() && graph.resamples(e.from) > 0);
+        let twice = stage.kind.resamples && resamples[i] > 1;
+        let feeds_again = stage.edges.iter().find(|e| e.output.data.is_picture() && resamples[e.from] > 0);
         if let (true, Some(edge)) = (twice, feeds_again) {
-            let entry = file.stages.iter().find(|s| s.name.text == stage.name);
             let first = &graph.stages[edge.from].name;
             problems.push(
                 Problem::new(
                     "two-resamples",
                     format!("`{}` would interpolate pixels that were interpolated before (`{first}`)", stage.name),
                 )
-                .label(entry.and_then(|e| e.name.span), "second interpolation of the same pixels")
+                .label(span_of(stage), "second interpolation of the same pixels")
                 .help("give all maps to one render stage: `warps = [\"first\", \"second\"]`"),
             );
         }

@@ -22,7 +22,7 @@ pub fn describe(kind: &StageKind) -> String {
     ports(&mut out, "inputs", kind.inputs);
     ports(&mut out, "outputs", kind.outputs);
     out.push_str("\nsettings\n");
-    let schema = (kind.schema)();
+    let schema = kind.json_schema();
     let defaults = kind.defaults().map(|d| d.to_json()).unwrap_or_default();
     for (key, property) in schema["properties"].as_object().into_iter().flatten() {
         out.push_str(&setting(key, property, &defaults[key], kind.required.contains(&key.as_str())));

@@ -9,8 +9,9 @@ use std::time::{Duration, Instant};
 use super::batch::Instance;
 use super::check::Pipeline;
 use super::job::{ArtifactStore, Job, JobOptions, StageRunner};
-use super::options::{BatchSettings, OnError, RunSettings};
+use super::options::{BatchSettings, Existing, OnError, RunSettings};
 use super::progress::{Event, Progress, TaskProgress};
+use super::records::{Records, Standing, refusal};
 use super::run_error::{Exit, RunError};
 use super::summary::Summary;
 use super::threads::start;
@@ -39,9 +40,14 @@ impl Report {
         self.items.iter().filter_map(|i| Some((i.key.as_str(), i.result.as_ref()?.as_ref().err()?)))
     }
 
-    /// Finished items with their summaries.
+    /// Items that are finished, with their summaries: those up to date among them.
     pub fn done(&self) -> impl Iterator<Item = (&str, &Summary)> {
         self.items.iter().filter_map(|i| Some((i.key.as_str(), i.result.as_ref()?.as_ref().ok()?)))
+    }
+
+    /// Number of items whose results were there already.
+    pub fn up_to_date(&self) -> usize {
+        self.done().filter(|(_, summary)| summary.up_to_date).count()
     }
 
     /// Keys of items that were never started.
@@ -91,16 +97,33 @@ pub fn execute(
     let threads = (pipeline.run.thread_count() / jobs).max(1);
     let made = Mutex::default();
     let pool = backend.workers.filter(|_| instances.len() > 1).map(|program| Pool::new(program.clone()));
-    let (backend, pool) = (backend.stages, pool.as_ref());
-    let executor =
-        Executor { run: &pipeline.run, batch: &batch, backend, pool, progress, cancel, threads, made: &made };
-    progress.event(&Event::RunStart { items: instances.len() });
+    let existing = pipeline.run.existing(pipeline.batch.is_some());
+    let records = (pipeline.batch.is_some() || existing == Existing::Skip).then(Records::default);
+    let mut executor = Executor {
+        run: &pipeline.run,
+        existing,
+        batch: &batch,
+        backend: backend.stages,
+        pool: pool.as_ref(),
+        progress,
+        cancel,
+        threads,
+        made: &made,
+        records,
+        up_to_date: Vec::new(),
+    };
+    executor.find_up_to_date(instances);
+    let up_to_date = executor.up_to_date.iter().filter(|up| **up).count();
+    progress.event(&Event::RunStart { items: instances.len(), up_to_date });
     let results = executor.run_all(instances, jobs);
+    if let Some(Err(error)) = executor.records.as_ref().map(Records::compact) {
+        tracing::warn!("records of results were not shortened: {error}");
+    }
     let report = Report {
         items: instances.iter().zip(results).map(|(i, result)| ItemReport { key: i.key.clone(), result }).collect(),
     };
-    let (done, failed) = (report.done().count(), report.failures().count());
-    if done < instances.len() {
+    let (done, failed) = (report.done().count() - report.up_to_date(), report.failures().count());
+    if report.done().count() < instances.len() {
         take_back(made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner));
     }
     progress.event(&Event::RunEnd { done, failed, seconds: started.elapsed().as_secs_f64() });
@@ -121,6 +144,7 @@ fn photos_in_memory() -> usize {
 
 struct Executor<'a> {
     run: &'a RunSettings,
+    existing: Existing,
     batch: &'a BatchSettings,
     backend: &'a dyn StageRunner,
     pool: Option<&'a Pool>,
@@ -129,6 +153,10 @@ struct Executor<'a> {
     threads: usize,
     /// Folders that this run made, each after the one it is in.
     made: &'a Mutex<Vec<PathBuf>>,
+    /// What earlier runs made; `None`: nothing is kept on record.
+    records: Option<Records>,
+    /// Whether each item was up to date when the run began.
+    up_to_date: Vec<bool>,
 }
 
 /// How often a run with workers looks whether the user stopped it.
@@ -147,7 +175,7 @@ impl Executor<'_> {
             while !stop.load(Ordering::Relaxed) {
                 let at = next.fetch_add(1, Ordering::Relaxed);
                 let Some(instance) = instances.get(at) else { break };
-                let result = self.run_item(instance, worker.as_mut());
+                let result = self.run_item(at, instance, worker.as_mut());
                 let interrupted = matches!(result, Err(RunError::Interrupted));
                 if interrupted || (result.is_err() && self.batch.on_error == OnError::Stop) {
                     stop.store(true, Ordering::Relaxed);
@@ -183,8 +211,44 @@ impl Executor<'_> {
         }
     }
 
-    fn run_item(&self, instance: &Instance, mut worker: Option<&mut Worker<'_>>) -> Result<Summary, RunError> {
+    /// Looks for results that are up to date before the work begins, so that it is known how much there is to do.
+    fn find_up_to_date(&mut self, instances: &[Instance]) {
+        let Some(records) = self.records.as_ref().filter(|_| self.existing == Existing::Skip) else { return };
+        let is_up_to_date = |instance: &Instance| {
+            !self.cancel.load(Ordering::Relaxed) && records.standing(instance) == Standing::UpToDate
+        };
+        self.up_to_date = instances.iter().map(is_up_to_date).collect();
+    }
+
+    /// Whether the results of an item may be replaced; `None`: they are up to date.
+    fn may_replace(&self, instance: &Instance) -> Result<Option<bool>, RunError> {
+        let Some(records) = self.records.as_ref().filter(|_| self.existing == Existing::Skip) else {
+            return Ok(Some(self.existing == Existing::Overwrite));
+        };
+        let standing = records.standing(instance);
+        match refusal(&standing, instance) {
+            Some(message) => Err(RunError::Output(message)),
+            None => Ok((standing != Standing::UpToDate).then_some(standing == Standing::Unfinished)),
+        }
+    }
+
+    /// Puts on record what was written so far. A folder that takes no record keeps its results; the warning says so.
+    fn note(&self, instance: &Instance, outputs: &[PathBuf], complete: bool) -> Option<String> {
+        let noted = self.records.as_ref()?.note(instance, outputs, complete);
+        noted.err().map(|error| format!("not on record, so that a later run cannot skip it: {error}"))
+    }
+
+    fn run_item(
+        &self,
+        at: usize,
+        instance: &Instance,
+        mut worker: Option<&mut Worker<'_>>,
+    ) -> Result<Summary, RunError> {
         let task = instance.key.as_str();
+        if self.up_to_date.get(at) == Some(&true) {
+            self.progress.event(&Event::TaskSkip { task });
+            return Ok(Summary::of_up_to_date(instance.outputs()));
+        }
         self.progress.event(&Event::TaskStart { task });
         let mut attempt = 1;
         let result = loop {
@@ -205,31 +269,39 @@ impl Executor<'_> {
     }
 
     fn try_item(&self, instance: &Instance, worker: Option<&mut Worker<'_>>) -> Result<Summary, RunError> {
-        self.check_targets(instance)?;
+        let Some(overwrite) = self.may_replace(instance)? else {
+            return Ok(Summary::of_up_to_date(instance.outputs()));
+        };
+        self.check_targets(instance, overwrite)?;
         let options = JobOptions {
             threads: self.threads,
-            overwrite: self.run.overwrite,
+            overwrite,
             strict: self.run.strict || instance.is_strict(),
             allow_paths: self.run.allowed_folders(),
         };
-        if let Some(worker) = worker.filter(|_| !uses_standard_streams(instance)) {
-            if self.cancel.load(Ordering::Relaxed) {
-                return Err(RunError::Interrupted);
+        // What a later pass fails to complete is made again by the next run.
+        let written = |outputs: &[PathBuf]| drop(self.note(instance, outputs, false));
+        let mut summary = match worker.filter(|_| !uses_standard_streams(instance)) {
+            Some(_) if self.cancel.load(Ordering::Relaxed) => Err(RunError::Interrupted),
+            Some(worker) => {
+                let done = worker.run(&Order::of(instance, options), &instance.key, self.progress, &written);
+                if done.is_err() {
+                    // A worker that crashed took nothing along.
+                    instance.outputs().iter().for_each(|path| AtomicFile::remove_leftovers(path));
+                }
+                done
             }
-            let result = worker.run(&Order::of(instance, options), &instance.key, self.progress);
-            if result.is_err() {
-                // A worker that crashed took nothing along.
-                instance.outputs().iter().for_each(|path| AtomicFile::remove_leftovers(path));
+            None => {
+                let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
+                do_work(&Job::new(instance, &options, &progress, self.cancel), self.backend, &written)
             }
-            return result;
-        }
-        let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
-        do_work(&Job::new(instance, &options, &progress, self.cancel), self.backend)
+        }?;
+        summary.warnings.extend(self.note(instance, &summary.outputs, true));
+        Ok(summary)
     }
 
     /// Refuses existing files and makes missing folders before any work is done.
-    fn check_targets(&self, instance: &Instance) -> Result<(), RunError> {
-        let overwrite = self.run.overwrite;
+    fn check_targets(&self, instance: &Instance, overwrite: bool) -> Result<(), RunError> {
         instance.folders().iter().try_for_each(|folder| {
             self.make_folder(folder)?;
             check_folder(folder, overwrite)
@@ -240,7 +312,7 @@ impl Executor<'_> {
             }
             if !overwrite && path.is_file() {
                 let message = format!(
-                    "`{}` exists; allow to replace it with --overwrite (`run.overwrite = true`)",
+                    "`{}` exists; allow to replace it with --overwrite (`run.existing = \"overwrite\"`)",
                     path.display()
                 );
                 return Err(RunError::Output(message));
@@ -265,8 +337,13 @@ impl Executor<'_> {
     }
 }
 
-/// Runs the passes of a job in this process. A panic is a failure like others.
-pub(super) fn do_work(job: &Job<'_>, backend: &dyn StageRunner) -> Result<Summary, RunError> {
+/// Runs the passes of a job in this process. A panic is a failure like others. `written` hears of files that were written
+/// while more is to come.
+pub(super) fn do_work(
+    job: &Job<'_>,
+    backend: &dyn StageRunner,
+    written: &dyn Fn(&[PathBuf]),
+) -> Result<Summary, RunError> {
     let work = || {
         let started = Instant::now();
         backend.preflight(job.instance).map_err(RunError::settled)?;
@@ -274,7 +351,12 @@ pub(super) fn do_work(job: &Job<'_>, backend: &dyn StageRunner) -> Result<Summar
         for pass in &job.instance.plan.passes {
             job.check_cancel()?;
             // What fails once the user has stopped the run was stopped, whatever it says of itself.
+            let before = summary.outputs.len();
             let done = backend.run_pass(job, pass, &mut values, &mut summary);
+            let last = pass.index + 1 == job.instance.plan.passes.len();
+            if summary.outputs.len() > before && (done.is_err() || !last) {
+                written(&summary.outputs);
+            }
             done.map_err(|error| job.check_cancel().err().unwrap_or_else(|| error.settled()))?;
         }
         summary.seconds = started.elapsed().as_secs_f64();
@@ -301,7 +383,7 @@ fn check_folder(folder: &Path, overwrite: bool) -> Result<(), RunError> {
     let failed = |e| RunError::Output(format!("cannot read the folder `{}`: {e}", folder.display()));
     let occupied = std::fs::read_dir(folder).map_err(failed)?.next().is_some();
     if occupied && !overwrite {
-        let help = "allow to replace what is in it with --overwrite (`run.overwrite = true`)";
+        let help = "allow to replace what is in it with --overwrite (`run.existing = \"overwrite\"`)";
         return Err(RunError::Output(format!("the folder `{}` is not empty; {help}", folder.display())));
     }
     Ok(())

@@ -5,6 +5,7 @@
 use serde_json::Value as Json;
 
 use super::kind::{Stage, StageKind};
+use super::paths::to_text;
 use super::reference::escape;
 use super::syntax::{Entry, Node, Sources, Span, Value};
 
@@ -52,6 +53,8 @@ pub struct StageEntry {
     pub kind: Option<&'static StageKind>,
     /// Its inputs.
     pub inputs: Vec<Input>,
+    /// Its inputs could not be read, which was reported.
+    pub unsound: bool,
     /// `enable`, if given.
     pub enable: Option<Node>,
     /// Its settings.
@@ -91,6 +94,7 @@ impl StageEntry {
             name: name.into(),
             kind,
             inputs: Vec::new(),
+            unsound: false,
             enable: None,
             settings: entries(settings, &S::default(), S::REQUIRED),
         }
@@ -147,5 +151,5 @@ pub(super) fn value_of(json: &Json) -> Option<Value> {
 
 /// A path as a template that is read back as the path itself.
 pub fn literal_path(path: &std::path::Path) -> String {
-    escape(&path.to_string_lossy())
+    escape(&to_text(path))
 }

@@ -74,9 +74,17 @@ impl Graph {
 
     /// How often the pixels that `stage` gives have been interpolated since they were decoded.
     pub fn resamples(&self, stage: usize) -> usize {
-        let s = &self.stages[stage];
-        let before = s.edges.iter().filter(|e| e.output.data.is_picture()).map(|e| self.resamples(e.from)).max();
-        before.unwrap_or(0) + usize::from(s.kind.resamples)
+        self.all_resamples()[stage]
+    }
+
+    /// The same of every stage: each is after all that it takes data from, so that one pass over them is enough.
+    pub(super) fn all_resamples(&self) -> Vec<usize> {
+        let mut counts: Vec<usize> = Vec::with_capacity(self.stages.len());
+        for stage in &self.stages {
+            let before = stage.edges.iter().filter(|e| e.output.data.is_picture()).map(|e| counts[e.from]).max();
+            counts.push(before.unwrap_or(0) + usize::from(stage.kind.resamples));
+        }
+        counts
     }
 
     fn same_stage(&self, a: &Stage, other: &Self, b: &Stage) -> bool {

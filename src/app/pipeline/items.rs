@@ -1,11 +1,18 @@
 //! Finds the files that `foreach` means.
 //!
-//! A pattern that names an existing file is that file, whatever characters it contains; one that names a folder is every clip in
-//! it, or every photo or mesh for graphs of those, recognized by the extension; anything else is a glob (`*`, `?`, `[…]`, `{a,b}`, `**` for folders at any depth).
+//! A pattern that names an existing file is that file, whatever characters it contains; one that names a folder is every clip
+//! below it, or every photo or mesh for graphs of those, recognized by the extension; anything else is a glob (`*`, `?`, `[…]`,
+//! `{a,b}`, `**` for folders at any depth). Links to folders are not followed: they may form a cycle. Hidden folders below a
+//! folder are passed over, and so are files that a run has not finished. A folder that cannot be read is found itself: it fails
+//! as an item, by its name, instead of being left out without a word.
 
+use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
 use globset::{GlobBuilder, GlobMatcher};
+
+use super::paths::{to_path, to_text};
+use plumbline_num::files::AtomicFile;
 
 /// Extensions of clips: what a folder given as input is searched for.
 pub const CLIP_EXTENSIONS: [&str; 19] = [
@@ -20,23 +27,152 @@ pub const PHOTO_EXTENSIONS: [&str; 11] =
 /// Extensions of meshes: what a folder given as input is searched for by graphs of meshes.
 pub const MESH_EXTENSIONS: [&str; 7] = ["glb", "gltf", "mesh", "obj", "off", "ply", "stl"];
 
-/// The files of all patterns in order, each pattern's sorted, none twice. Relative patterns start from `base`; of a folder, the
-/// files with one of `extensions` are meant.
-///
-/// # Errors
-/// A malformed glob.
-pub fn expand(patterns: &[String], base: Option<&Path>, extensions: &[&str]) -> Result<Vec<PathBuf>, String> {
-    let mut out: Vec<PathBuf> = Vec::new();
-    for pattern in patterns {
-        let full = base.map_or_else(|| PathBuf::from(pattern), |base| base.join(pattern));
-        for path in expand_one(&full, extensions)? {
-            if !out.contains(&path) {
-                out.push(path);
+/// A file that was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// The file.
+    pub path: PathBuf,
+    /// Its folder, relative to the folder or the root of the glob that it was found under; `.` for a file that was named itself.
+    pub rel: PathBuf,
+}
+
+/// How files are looked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Search<'a> {
+    /// Where relative patterns start from; `None`: the working directory.
+    pub base: Option<&'a Path>,
+    /// Extensions of the files that a folder means, in lower case.
+    pub extensions: &'a [&'a str],
+    /// Folders are searched at any depth.
+    pub recurse: bool,
+}
+
+/// A pattern that is no glob.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
+pub struct BadGlob {
+    /// Which of the patterns.
+    pub index: usize,
+    /// What is wrong with it.
+    pub message: String,
+}
+
+impl Search<'_> {
+    /// The files of all patterns in order, each pattern's sorted, none twice.
+    ///
+    /// # Errors
+    /// Every malformed glob.
+    pub fn expand(&self, patterns: &[String]) -> Result<Vec<Found>, Vec<BadGlob>> {
+        let (mut out, mut seen, mut bad) = (Vec::new(), HashSet::new(), Vec::new());
+        for (index, pattern) in patterns.iter().enumerate() {
+            let pattern = to_path(pattern);
+            match self.expand_one(&self.base.map_or(pattern.clone(), |base| base.join(&pattern))) {
+                Ok(found) => out.extend(found.into_iter().filter(|found| seen.insert(found.path.clone()))),
+                Err(message) => bad.push(BadGlob { index, message }),
             }
         }
+        if bad.is_empty() { Ok(out) } else { Err(bad) }
     }
-    Ok(out)
+
+    /// The paths of [`Self::expand`] alone.
+    ///
+    /// # Errors
+    /// The first malformed glob.
+    pub fn paths(&self, patterns: &[String]) -> Result<Vec<PathBuf>, BadGlob> {
+        let found = self.expand(patterns).map_err(|mut bad| bad.swap_remove(0))?;
+        Ok(found.into_iter().map(|found| found.path).collect())
+    }
+
+    fn expand_one(&self, pattern: &Path) -> Result<Vec<Found>, String> {
+        let known = pattern.metadata();
+        let walk =
+            |root: &Path, depth, wanted: &dyn Fn(&Path) -> bool, hidden| Walk { root, depth, hidden, wanted }.files();
+        if known.as_ref().is_ok_and(std::fs::Metadata::is_dir) {
+            let depth = (!self.recurse).then_some(1);
+            return Ok(walk(pattern, depth, &|path| has_extension(path, self.extensions), false));
+        }
+        let text = to_text(pattern);
+        if known.is_ok() || !is_glob(&text) {
+            return Ok(vec![Found { path: pattern.to_owned(), rel: PathBuf::from(".") }]);
+        }
+        let glob = glob_of(&text)?;
+        let (root, depth) = literal_root(pattern);
+        Ok(walk(&root, depth, &|path| glob.is_match(to_text(path)), true))
+    }
 }
+
+fn glob_of(text: &str) -> Result<GlobMatcher, String> {
+    let glob = GlobBuilder::new(text).literal_separator(true).build();
+    glob.map(|glob| glob.compile_matcher()).map_err(|e| format!("`{text}` is no glob: {}", e.kind()))
+}
+
+/// A folder that is listed; the empty path is the working directory.
+fn root_of(folder: &Path) -> &Path {
+    if folder == Path::new("") { Path::new(".") } else { folder }
+}
+
+/// Files below a folder.
+struct Walk<'a> {
+    root: &'a Path,
+    /// How many folders deep; `None`: any.
+    depth: Option<usize>,
+    /// Hidden folders too.
+    hidden: bool,
+    wanted: &'a dyn Fn(&Path) -> bool,
+}
+
+impl Walk<'_> {
+    /// The files in the order of their paths, and the folders that cannot be read.
+    fn files(&self) -> Vec<Found> {
+        let mut found = Vec::new();
+        // Folders to list: relative to the root, with how much deeper to go. A stack of its own: names nest deeper than calls may.
+        let mut left = vec![(PathBuf::new(), self.depth)];
+        while let Some((rel, depth)) = left.pop() {
+            if depth == Some(0) {
+                continue;
+            }
+            let folder = if rel == Path::new("") { self.root.to_owned() } else { self.root.join(&rel) };
+            let shown = if rel == Path::new("") { PathBuf::from(".") } else { rel.clone() };
+            let Ok(entries) = std::fs::read_dir(root_of(&folder)) else {
+                // The root of a glob need not exist.
+                if folder.exists() {
+                    found.push(Found { path: folder, rel: shown });
+                }
+                continue;
+            };
+            for entry in entries.filter_map(Result::ok) {
+                let path = folder.join(entry.file_name());
+                match entry.file_type() {
+                    Ok(kind) if kind.is_dir() => {
+                        let rel = rel.join(entry.file_name());
+                        if self.enters(&rel) {
+                            left.push((rel, depth.map(|d| d - 1)));
+                        }
+                    }
+                    Ok(_) if (self.wanted)(&path) && path.is_file() && !is_partial(&path) => {
+                        found.push(Found { path, rel: shown.clone() });
+                    }
+                    _ => {}
+                }
+            }
+        }
+        found.sort_by(|a, b| a.path.cmp(&b.path));
+        found
+    }
+
+    fn enters(&self, rel: &Path) -> bool {
+        let name = rel.file_name().unwrap_or_default();
+        name != RECORDS_FOLDER && (self.hidden || !name.as_encoded_bytes().starts_with(b"."))
+    }
+}
+
+/// A run that was killed left it.
+fn is_partial(path: &Path) -> bool {
+    path.file_name().and_then(|name| name.to_str()).is_some_and(AtomicFile::is_partial_name)
+}
+
+/// Folder in which a run notes what it made; never searched.
+pub(crate) const RECORDS_FOLDER: &str = ".plumbline";
 
 /// Extensions of pictures: what an image sequence is made of.
 pub const PICTURE_EXTENSIONS: [&str; 12] =
@@ -50,14 +186,12 @@ pub fn is_picture(path: &Path) -> bool {
 /// The pictures of an image sequence named by its folder or by a glob, in the order of their names, numbers in them by value.
 /// `None` where the text is neither, or names anything but pictures.
 pub fn pictures(text: &str) -> Option<Vec<PathBuf>> {
-    let path = Path::new(text);
-    let mut found = if path.is_dir() {
-        files_in(path, &PICTURE_EXTENSIONS)
-    } else if is_glob(text) && !path.exists() {
-        expand_one(path, &PICTURE_EXTENSIONS).ok()?
-    } else {
+    let path = to_path(text);
+    if !path.is_dir() && (!is_glob(text) || path.exists()) {
         return None;
-    };
+    }
+    let search = Search { extensions: &PICTURE_EXTENSIONS, ..Search::default() };
+    let mut found = search.paths(&[text.to_owned()]).ok()?;
     if found.is_empty() || !found.iter().all(|p| is_picture(p)) {
         return None;
     }
@@ -93,36 +227,9 @@ pub fn is_glob(pattern: &str) -> bool {
     choice || pattern.contains(['*', '?', '['])
 }
 
-fn expand_one(pattern: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, String> {
-    let text = pattern.to_string_lossy();
-    if pattern.is_dir() {
-        return Ok(files_in(pattern, extensions));
-    }
-    if pattern.exists() || !is_glob(&text) {
-        return Ok(vec![pattern.to_owned()]);
-    }
-    let glob = GlobBuilder::new(&text)
-        .literal_separator(true)
-        .build()
-        .map_err(|e| format!("`{text}` is no glob: {}", e.kind()))?;
-    let (root, depth) = literal_root(pattern);
-    let mut found = Vec::new();
-    walk(&root, depth, &glob.compile_matcher(), &mut found);
-    found.sort();
-    Ok(found)
-}
-
 /// True where the name ends in one of these extensions, in letters of either case.
 pub fn has_extension(path: &Path, known: &[&str]) -> bool {
     path.extension().is_some_and(|e| known.contains(&e.to_string_lossy().to_ascii_lowercase().as_str()))
-}
-
-fn files_in(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
-    let wanted = |path: &PathBuf| path.is_file() && has_extension(path, extensions);
-    let mut found: Vec<PathBuf> = entries.map(|e| e.path()).filter(wanted).collect();
-    found.sort();
-    found
 }
 
 /// The folder before the first component with a wildcard, and how many folders deep the rest can reach (`None`: any).
@@ -139,22 +246,6 @@ fn literal_root(pattern: &Path) -> (PathBuf, Option<usize>) {
         text.contains("**") || text.matches('{').count() != text.matches('}').count()
     });
     (components[..first].iter().collect(), (!endless).then_some(rest.len()))
-}
-
-/// Links to folders are not followed: they may form a cycle.
-fn walk(folder: &Path, depth: Option<usize>, glob: &GlobMatcher, found: &mut Vec<PathBuf>) {
-    if depth == Some(0) {
-        return;
-    }
-    let listed = if folder == Path::new("") { Path::new(".") } else { folder };
-    for entry in std::fs::read_dir(listed).into_iter().flatten().filter_map(Result::ok) {
-        let path = folder.join(entry.file_name());
-        match entry.file_type() {
-            Ok(kind) if kind.is_dir() => walk(&path, depth.map(|d| d - 1), glob, found),
-            Ok(_) if glob.is_match(&path) && path.is_file() => found.push(path),
-            _ => {}
-        }
-    }
 }
 
 #[cfg(test)]
@@ -194,7 +285,8 @@ mod tests {
         }
         let find = |patterns: &[&str]| {
             let patterns: Vec<String> = patterns.iter().map(|p| (*p).to_owned()).collect();
-            expand(&patterns, Some(&folder), &CLIP_EXTENSIONS).map(|found| names(&found, &folder))
+            let search = Search { base: Some(&folder), extensions: &CLIP_EXTENSIONS, ..Search::default() };
+            search.paths(&patterns).map(|found| names(&found, &folder))
         };
         let list = |names: &[&str]| Ok(names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>());
         assert_eq!(find(&["*.mp4"]), list(&["b.mp4", "odd[1].mp4"]));
@@ -208,5 +300,34 @@ mod tests {
         assert_eq!(find(&["missing.mp4"]), list(&["missing.mp4"]), "a missing file fails later, by its name");
         assert!(find(&["[.mp4"]).is_err());
         std::fs::remove_dir_all(&folder).unwrap_or_default();
+    }
+    #[test]
+    fn folders_are_searched_at_any_depth_but_not_where_they_are_hidden_or_linked() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let root = folder.path();
+        for name in ["b.mp4", "a/c.mp4", "a/d/e.MOV", ".git/f.mp4", ".plumbline/g.mp4", "h.partial-7-abcd1234.mp4"] {
+            let path = root.join(name);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+            std::fs::write(path, "").expect("a small file");
+        }
+        std::os::unix::fs::symlink(root, root.join("a/round")).expect("a link");
+        let find = |pattern: &str, recurse| {
+            let search = Search { base: Some(root), extensions: &CLIP_EXTENSIONS, recurse };
+            let found = search.expand(&[pattern.to_owned()]).expect("no glob, or a good one");
+            let shown = |f: Found| (names(std::slice::from_ref(&f.path), root).remove(0), f.rel.display().to_string());
+            found.into_iter().map(shown).collect::<Vec<_>>()
+        };
+        let pairs = |list: &[(&str, &str)]| -> Vec<(String, String)> {
+            list.iter().map(|(path, rel)| ((*path).to_owned(), (*rel).to_owned())).collect()
+        };
+        let all = [("a/c.mp4", "a"), ("a/d/e.MOV", "a/d"), ("b.mp4", ".")];
+        assert_eq!(find("", true), pairs(&all), "from the folder");
+        assert_eq!(find("a", true), pairs(&[("a/c.mp4", "."), ("a/d/e.MOV", "d")]));
+        assert_eq!(find("", false), pairs(&[("b.mp4", ".")]));
+        assert_eq!(find(".git", true), pairs(&[(".git/f.mp4", ".")]), "named itself, it is searched");
+        let of_glob = [(".git/f.mp4", ".git"), ("a/c.mp4", "a"), ("b.mp4", ".")];
+        assert_eq!(find("**/*.mp4", false), pairs(&of_glob), "a glob means what it matches");
+        assert_eq!(find("a/*/*.MOV", true), pairs(&[("a/d/e.MOV", "d")]), "from the root of the glob");
+        assert_eq!(find("a/c.mp4", true), pairs(&[("a/c.mp4", ".")]));
     }
 }

@@ -4,8 +4,9 @@
 //! JSON schema; ranges are in the schema attributes and are enforced from there, so help, editor and check cannot disagree.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::fmt::Debug;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema};
@@ -251,6 +252,13 @@ impl StageKind {
             parse: |value| Ok(Arc::new(serde_json::from_value::<S>(value)?)),
             schema: || schema_of::<S>(S::REQUIRED),
         }
+    }
+
+    /// The schema of the settings. It is built once: batches ask for it per item.
+    pub(crate) fn json_schema(&self) -> Arc<serde_json::Value> {
+        static SCHEMAS: Mutex<BTreeMap<&str, Arc<serde_json::Value>>> = Mutex::new(BTreeMap::new());
+        let mut schemas = SCHEMAS.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        Arc::clone(schemas.entry(self.name).or_insert_with(|| Arc::new((self.schema)())))
     }
 
     /// The input port called `name`.

@@ -44,7 +44,7 @@ fn check_version(root: &[Entry], problems: &mut Vec<Problem>) {
         problems.push(Problem::new("version", "the file does not say its format version").help(help));
         return;
     };
-    if entry.node.value != Value::Integer(VERSION) {
+    if entry.node.value != Value::Integer(VERSION) && entry.node.value != Value::Unknown {
         let found = match &entry.node.value {
             Value::Integer(i) => i.to_string(),
             _ => entry.node.type_name().to_owned(),
@@ -65,7 +65,7 @@ fn wrong_type(entry: &Entry, wanted: &str) -> Problem {
 
 fn text(entry: &Entry, problems: &mut Vec<Problem>) -> Option<String> {
     let text = entry.node.text().map(str::to_owned);
-    if text.is_none() {
+    if text.is_none() && entry.node.value != Value::Unknown {
         problems.push(wrong_type(entry, "a string"));
     }
     text
@@ -75,7 +75,9 @@ fn table(entry: Entry, problems: &mut Vec<Problem>) -> Option<Vec<Entry>> {
     if let Value::Table(entries) = entry.node.value {
         return Some(entries);
     }
-    problems.push(wrong_type(&entry, "a table"));
+    if entry.node.value != Value::Unknown {
+        problems.push(wrong_type(&entry, "a table"));
+    }
     None
 }
 
@@ -108,8 +110,12 @@ fn check_name(what: &str, name: &Name, problems: &mut Vec<Problem>) {
 fn stage(entry: Entry, problems: &mut Vec<Problem>) -> Option<StageEntry> {
     let name = Name { text: entry.key.clone(), span: entry.key_span };
     check_name("stage", &name, problems);
+    let unsound = entry.node.value == Value::Unknown;
+    let mut stage = StageEntry { name, kind: None, inputs: Vec::new(), unsound, enable: None, settings: Vec::new() };
+    if unsound {
+        return Some(stage);
+    }
     let entries = table(entry, problems)?;
-    let mut stage = StageEntry { name, kind: None, inputs: Vec::new(), enable: None, settings: Vec::new() };
     if !entries.iter().any(|e| e.key == "use") {
         let message = format!("stage `{}` does not say its kind", stage.name.text);
         let help = "add `use = \"KIND\"`; `plumbline stages` lists the kinds";
@@ -118,6 +124,7 @@ fn stage(entry: Entry, problems: &mut Vec<Problem>) -> Option<StageEntry> {
     for entry in entries {
         match entry.key.as_str() {
             "use" => stage.kind = kind(&stage.name, &entry, problems),
+            "inputs" if entry.node.value == Value::Unknown => stage.unsound = true,
             "inputs" => stage.inputs = inputs(&stage.name, &entry, problems),
             "enable" => stage.enable = Some(entry.node),
             _ => stage.settings.push(entry),

@@ -21,6 +21,18 @@ pub enum ProgressMode {
     None,
 }
 
+/// What to do with results that exist.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Existing {
+    /// Keep results made from the same inputs, settings and version, and refuse all others
+    Skip,
+    /// Refuse items whose results exist
+    Refuse,
+    /// Replace them
+    Overwrite,
+}
+
 /// `[run]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -28,7 +40,9 @@ pub struct RunSettings {
     /// Threads for the whole run, shared by all items at work; 0 = all processors
     #[schemars(range(min = 0, max = 512))]
     pub threads: u32,
-    /// Existing files may be replaced
+    /// What to do with results that exist; if left out, skip in a batch and refuse otherwise
+    pub existing: Option<Existing>,
+    /// Existing files may be replaced: short for existing = "overwrite"
     pub overwrite: bool,
     /// Losses are errors, not warnings: a clip that is cut short, a stream that a container cannot store
     pub strict: bool,
@@ -40,6 +54,16 @@ pub struct RunSettings {
 }
 
 impl RunSettings {
+    /// What to do with results that exist: [`Existing::Skip`] in a batch and [`Existing::Refuse`] otherwise, where nothing is set.
+    pub fn existing(&self, batch: bool) -> Existing {
+        match (self.existing, self.overwrite, batch) {
+            (Some(existing), ..) => existing,
+            (None, true, _) => Existing::Overwrite,
+            (None, false, true) => Existing::Skip,
+            (None, false, false) => Existing::Refuse,
+        }
+    }
+
     /// Threads for the whole run, at least 1; not more than four for each processor, and 64 in any case. Beyond that each only
     /// costs a stack and, where it decodes or encodes, its frames.
     pub fn thread_count(&self) -> usize {
@@ -98,6 +122,8 @@ impl Foreach {
 pub struct BatchSettings {
     /// What to work on: a glob such as `clips/**/*.{mp4,mov}`, a folder, or a list of globs, folders and files
     pub foreach: Foreach,
+    /// Folders are searched at any depth; false takes only the files directly in them
+    pub recurse: bool,
     /// Names an instance in messages; must differ between items
     pub key: String,
     /// Items at work at once; 0 = as many as processors and memory allow, for still pictures
@@ -119,6 +145,7 @@ impl Default for BatchSettings {
     fn default() -> Self {
         Self {
             foreach: Foreach::List(Vec::new()),
+            recurse: true,
             key: "${item.path}".to_owned(),
             jobs: 1,
             on_error: OnError::default(),

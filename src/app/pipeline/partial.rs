@@ -16,11 +16,13 @@ use serde_json::{Map, Value as Json};
 use super::check::stage_settings;
 use super::file::{PipelineFile, StageEntry, VERSION};
 use super::kind::StageKind;
+use super::paths::{to_path, to_text};
 use super::problem::{Problem, Problems};
+use super::recover::{Recovered, parse_recovering};
 use super::reference::Scope;
 use super::settings::property_of;
 use super::suggest::did_you_mean;
-use super::syntax::{Entry, Node, Source, Sources, Value, parse};
+use super::syntax::{Entry, Node, Source, Sources, Value};
 use crate::stages;
 
 /// A file of settings.
@@ -39,10 +41,8 @@ impl PartialFile {
     pub fn read(source: Source) -> Result<Self, Problems> {
         let (mut sources, mut problems) = (Sources::default(), Vec::new());
         let id = sources.add(source);
-        let root = match parse(&sources, id) {
-            Ok(root) => root,
-            Err(problem) => return Err(Problems::new(vec![problem], sources)),
-        };
+        let Recovered { root, problems: faults, .. } = parse_recovering(&sources, id);
+        problems.extend(faults);
         let mut file = Self { sources, ..Self::default() };
         for entry in root {
             file.add(&entry, &mut problems);
@@ -110,8 +110,14 @@ impl PartialFile {
         let file = PipelineFile { sources: self.sources.clone(), ..PipelineFile::default() };
         for (kind, settings) in &self.kinds {
             let name = super::file::Name { text: kind.name.to_owned(), span: None };
-            let stage =
-                StageEntry { name, kind: Some(kind), inputs: Vec::new(), enable: None, settings: settings.clone() };
+            let stage = StageEntry {
+                name,
+                kind: Some(kind),
+                inputs: Vec::new(),
+                unsound: false,
+                enable: None,
+                settings: settings.clone(),
+            };
             let mut found = Vec::new();
             stage_settings(&file, &stage, &scope, &mut found);
             problems.extend(found.into_iter().filter(|p| !matches!(p.code, "missing-key" | "conflict")));
@@ -123,7 +129,7 @@ impl PartialFile {
         let of_kind = self.kinds.iter().filter(|(k, _)| k.name == kind);
         let mut entries = of_kind.flat_map(|(kind, entries)| entries.iter().map(|e| (*kind, e)));
         let (kind, entry) = entries.find(|(kind, entry)| canonical(kind, &entry.key) == key)?;
-        let schema = (kind.schema)();
+        let schema = kind.json_schema();
         self.words(&entry.node, &schema["properties"][key])
     }
 
@@ -136,11 +142,11 @@ impl PartialFile {
             Value::Text(text) | Value::Loose(text) => {
                 let folder = node.span.and_then(|s| self.sources.get(s.source)).and_then(|s| s.base.as_ref());
                 let is_path = property["format"] == "path" && text != "-";
-                let path = folder.filter(|_| is_path).map(|folder| folder.join(text).to_string_lossy().into_owned());
+                let path = folder.filter(|_| is_path).map(|folder| to_text(folder.join(to_path(text))));
                 vec![path.unwrap_or_else(|| text.clone())]
             }
             Value::List(items) => items.iter().filter_map(|n| self.words(n, property)).flatten().collect(),
-            Value::Table(_) => return None,
+            Value::Table(_) | Value::Unknown => return None,
         })
     }
 
@@ -159,7 +165,10 @@ impl PartialFile {
             }
         }
         for entry in &self.run {
-            if !file.run.iter().any(|e| e.key == entry.key) {
+            // One word says what is done with results that exist, in either of two keys.
+            let same =
+                |key: &str| key == entry.key || [key, &entry.key].iter().all(|k| ["existing", "overwrite"].contains(k));
+            if !file.run.iter().any(|e| same(&e.key)) {
                 file.run.push(entry.clone());
             }
         }
@@ -168,7 +177,7 @@ impl PartialFile {
 
 /// The name of a setting where it was given by a former one.
 fn canonical(kind: &StageKind, key: &str) -> String {
-    let schema = (kind.schema)();
+    let schema = kind.json_schema();
     let empty = Map::new();
     let properties = schema["properties"].as_object().unwrap_or(&empty);
     property_of(properties, key).map_or(key, |(name, _)| name).to_owned()

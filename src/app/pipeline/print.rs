@@ -79,6 +79,7 @@ fn toml_of(node: &Node) -> Toml {
             Some(typed) => toml_of(&typed),
             None => Toml::from(text.as_str()),
         },
+        Value::Unknown => Toml::from(""),
         Value::List(items) => Toml::Array(items.iter().map(toml_of).collect()),
         Value::Table(entries) => {
             let pairs = entries.iter().map(|e| (e.key.clone(), toml_of(&e.node)));

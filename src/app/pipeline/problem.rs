@@ -12,6 +12,9 @@ const MAX_LINE: usize = 400;
 /// Characters of an excerpt before and after the column of the fault.
 const EXCERPT: (usize, usize) = (30, 50);
 
+/// Faults that are shown; of more, their number.
+pub const MAX_SHOWN: usize = 50;
+
 /// One fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
@@ -36,6 +39,13 @@ impl Problem {
     pub fn label(mut self, span: Option<Span>, text: impl Into<String>) -> Self {
         self.labels.extend(span.map(|s| (s, text.into())));
         self
+    }
+
+    /// It says that something is missing.
+    pub(super) fn is_of_absence(&self) -> bool {
+        let variable = self.code == "reference" && self.message.ends_with("refers to no variable");
+        let missing = ["missing-key", "no-stages", "no-output", "input", "set", "disabled"].contains(&self.code);
+        variable || missing || (self.code == "version" && self.labels.is_empty())
     }
 
     /// Says what to do.
@@ -76,17 +86,26 @@ impl Problems {
         let theme = if color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
         let handler = GraphicalReportHandler::new_themed(theme).with_width(width).with_links(false);
         let mut out = String::new();
-        for problem in &self.problems {
+        for problem in self.problems.iter().take(MAX_SHOWN) {
             let shown = Located { problem, sources: &self.sources, text: self.named_source(problem) };
             let drawable = shown.text.is_some() && !self.is_on_long_lines(problem);
             if !drawable || handler.render_report(&mut out, &shown).is_err() {
                 out.push_str(&self.plain(problem));
             }
         }
+        if let Some(more) = self.further() {
+            out.push_str(&format!("and {more} further errors\n"));
+        }
         out
     }
 
-    /// One object per fault: `{code, severity, message, file, span: {line, column, length}, help}`.
+    /// Number of faults that are not shown.
+    fn further(&self) -> Option<usize> {
+        self.problems.len().checked_sub(MAX_SHOWN).filter(|more| *more > 0)
+    }
+
+    /// One object per fault: `{code, severity, message, file, span: {line, column, length}, help}`. Of more than [`MAX_SHOWN`]
+    /// the last, of code `further`, states the number of those left out.
     pub fn to_json(&self) -> serde_json::Value {
         let one = |p: &Problem| {
             let span = p.labels.first().map(|(span, _)| {
@@ -96,7 +115,11 @@ impl Problems {
             let file = p.labels.first().and_then(|(s, _)| self.sources.get(s.source)).map(|s| s.name.clone());
             json!({"code": p.code, "severity": "error", "message": p.message, "file": file, "span": span, "help": p.help})
         };
-        self.problems.iter().map(one).collect()
+        let further = self.further().map(|more| {
+            let message = format!("and {more} further errors");
+            json!({"code": "further", "severity": "error", "message": message, "file": null, "span": null, "help": null})
+        });
+        self.problems.iter().take(MAX_SHOWN).map(one).chain(further).collect()
     }
 
     /// A line that would be drawn, one with a label or beside one, is too long to be read.

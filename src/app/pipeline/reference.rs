@@ -1,10 +1,11 @@
-//! References in strings: `${vars.x}`, `${env.X:-default}`, `${item.path|stem|name|dir|ext|index}`.
+//! References in strings: `${vars.x}`, `${env.X:-default}`, `${item.path|stem|name|dir|rel|ext|index}`.
 //!
 //! Substitution happens on parsed strings, never on raw text, so a value cannot inject syntax. A string that is one single
 //! reference takes the type of the value it refers to. `$${` is a literal `${`. No functions and no conditionals.
 
 use std::path::{Path, PathBuf};
 
+use super::paths::to_text;
 use super::problem::Problem;
 use super::suggest::{did_you_mean, listed};
 use super::syntax::{Entry, Node, SourceId, Span, Value};
@@ -14,17 +15,18 @@ use super::syntax::{Entry, Node, SourceId, Span, Value};
 pub struct Item {
     /// The file, as found.
     pub path: PathBuf,
+    /// Its folder, relative to the folder or the root of the glob that it was found under; `.` for a file that was named itself.
+    pub rel: PathBuf,
     /// Position in the batch, from 0.
     pub index: usize,
 }
 
 /// The fields of `${item.…}`.
-pub const ITEM_FIELDS: [&str; 6] = ["path", "stem", "name", "dir", "ext", "index"];
+pub const ITEM_FIELDS: [&str; 7] = ["path", "stem", "name", "dir", "rel", "ext", "index"];
 
 impl Item {
     fn field(&self, name: &str) -> Option<Value> {
-        let text =
-            |part: Option<&std::ffi::OsStr>| Value::Text(part.unwrap_or_default().to_string_lossy().into_owned());
+        let text = |part: Option<&std::ffi::OsStr>| Value::Text(to_text(part.unwrap_or_default()));
         Some(match name {
             "path" => text(Some(self.path.as_os_str())),
             "stem" => text(self.path.file_stem()),
@@ -32,6 +34,7 @@ impl Item {
             "dir" => {
                 text(Some(self.path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new(".")).as_os_str()))
             }
+            "rel" => text(Some(self.rel.as_os_str())),
             "ext" => text(self.path.extension()),
             "index" => Value::Integer(i64::try_from(self.index).unwrap_or(i64::MAX)),
             _ => return None,
@@ -136,6 +139,9 @@ fn resolve_text(text: &str, span: Option<Span>, scope: &Scope<'_>) -> Result<Res
         match piece {
             Piece::Literal(text) => out.push_str(text),
             Piece::Reference(name) => match look_up(name, span, scope)? {
+                Some((Value::Unknown, base)) => {
+                    return Ok(Resolved::Ready(Node { value: Value::Unknown, span }, base));
+                }
                 Some((value, from)) => {
                     out.push_str(&scalar_text(&value, name, span)?);
                     base = if i == 0 { from } else { base };
@@ -153,7 +159,7 @@ fn scalar_text(value: &Value, name: &str, span: Option<Span>) -> Result<String, 
         Value::Integer(i) => Ok(i.to_string()),
         Value::Float(x) => Ok(x.to_string()),
         Value::Text(text) | Value::Loose(text) => Ok(text.clone()),
-        Value::List(_) | Value::Table(_) => {
+        Value::List(_) | Value::Table(_) | Value::Unknown => {
             Err(Problem::new("reference", format!("`${{{name}}}` is a list and cannot be part of a string"))
                 .label(span, "used here")
                 .help("a list needs the whole string to itself"))
@@ -220,7 +226,7 @@ mod tests {
 
     fn value(text: &str) -> Result<Resolved, String> {
         let vars = [Entry::built("crf", Value::Integer(23)), Entry::built("dir", Value::Text("out".into()))];
-        let item = Item { path: "clips/tour.one.mp4".into(), index: 4 };
+        let item = Item { path: "clips/day 1/tour.one.mp4".into(), rel: "day 1".into(), index: 4 };
         let env = |name: &str| (name == "HOME").then(|| "/users/ada".to_owned());
         let scope = Scope { vars: &vars, env: &env, item: Some(&item) };
         resolve(&Node::built(Value::Text(text.into())), &scope).map_err(|p| p.message)
@@ -237,7 +243,8 @@ mod tests {
         assert_eq!(value("crf${vars.crf}"), Ok(ready(Value::Text("crf23".into()))));
         assert_eq!(value("${item.index}"), Ok(ready(Value::Integer(4))));
         assert_eq!(value("${vars.dir}/${item.stem}.${item.ext}"), Ok(ready(Value::Text("out/tour.one.mp4".into()))));
-        assert_eq!(value("${item.dir}|${item.name}"), Ok(ready(Value::Text("clips|tour.one.mp4".into()))));
+        assert_eq!(value("${item.dir}|${item.name}"), Ok(ready(Value::Text("clips/day 1|tour.one.mp4".into()))));
+        assert_eq!(value("out/${item.rel}"), Ok(ready(Value::Text("out/day 1".into()))));
         assert_eq!(value("${env.HOME}/x"), Ok(ready(Value::Text("/users/ada/x".into()))));
         assert_eq!(value("${env.NONE:-7}"), Ok(ready(Value::Loose("7".into()))));
     }

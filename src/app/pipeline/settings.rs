@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde_json::{Map, Value as Json};
 
 use super::kind::{Stage, schema_of};
+use super::paths::{to_path, to_text};
 use super::problem::Problem;
 use super::reference::{Resolved, Scope, resolve};
 use super::suggest::{did_you_mean, listed};
@@ -56,6 +57,7 @@ pub(super) fn check_table(
         match resolve(&entry.node, scope) {
             Err(problem) => problems.push(problem),
             Ok(Resolved::Deferred) => checked.deferred.push(entry.clone()),
+            Ok(Resolved::Ready(Node { value: Value::Unknown, .. }, _)) => {}
             Ok(Resolved::Ready(node, base)) => match check_value(key, &node, property, expected) {
                 Ok(json) => {
                     checked.json.insert(key.to_owned(), rebase(json, property, base, sources));
@@ -170,6 +172,7 @@ fn to_json(node: &Node, key: &str) -> Result<Json, Problem> {
         }
         Value::Float(x) => (*x).into(),
         Value::Text(text) | Value::Loose(text) => text.clone().into(),
+        Value::Unknown => Json::Null,
         Value::List(items) => Json::Array(items.iter().map(|n| to_json(n, key)).collect::<Result<_, _>>()?),
         Value::Table(entries) => {
             let pairs = entries.iter().map(|e| Ok((e.key.clone(), to_json(&e.node, key)?)));
@@ -240,10 +243,15 @@ pub(crate) fn range_text(range: (Option<f64>, Option<f64>)) -> String {
 
 /// Relative paths start from the folder of the text that contains them.
 fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources) -> Json {
+    let json = match json {
+        // Of `out/${item.rel}/a.mp4`, where the item is in no folder of its own.
+        Json::String(path) if property["format"] == "path" && path.contains("/./") => path.replace("/./", "/").into(),
+        json => json,
+    };
     let folder = base.and_then(|id| sources.get(id)).and_then(|s| s.base.as_ref());
     match (folder, json) {
         (Some(folder), Json::String(path)) if property["format"] == "path" && !path.is_empty() && path != "-" => {
-            folder.join(path).to_string_lossy().into_owned().into()
+            to_text(folder.join(to_path(&path))).into()
         }
         (Some(_), Json::Array(list)) if property["format"] == "path" => {
             list.into_iter().map(|path| rebase(path, property, base, sources)).collect()

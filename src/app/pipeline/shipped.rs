@@ -4,6 +4,7 @@ use std::path::Path;
 
 use plumbline_num::document::read_text;
 
+use super::paths::to_path;
 use super::syntax::Source;
 
 /// `(name, text)` of every shipped file.
@@ -32,7 +33,7 @@ pub(crate) const MAX_BYTES: u64 = 1 << 24;
 /// # Errors
 /// Neither exists, or the file cannot be read.
 pub fn find_source(name: &str) -> Result<Source, String> {
-    let path = Path::new(name);
+    let path = &to_path(name);
     match read_text(path, MAX_BYTES) {
         Ok(text) => {
             let base = path.parent().filter(|p| *p != Path::new("")).map(Path::to_owned);

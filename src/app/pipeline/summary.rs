@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::paths::as_texts;
 use crate::report::Segment;
 use plumbline_media::{Input, VideoInfo};
 pub use plumbline_video::stabilize::{Shake, ShakeSummary};
@@ -44,9 +45,12 @@ impl InputSummary {
 /// What was done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
+    /// The results were there, made from the same inputs, settings and version: nothing was done.
+    pub up_to_date: bool,
     /// The clip that was read.
     pub input: Option<InputSummary>,
     /// Files written.
+    #[serde(with = "as_texts")]
     pub outputs: Vec<PathBuf>,
     /// Frames written.
     pub frames: u64,
@@ -165,6 +169,11 @@ impl fmt::Display for LinesSummary {
 }
 
 impl Summary {
+    /// Of an item whose results were there.
+    pub fn of_up_to_date(outputs: Vec<PathBuf>) -> Self {
+        Self { up_to_date: true, outputs, ..Self::default() }
+    }
+
     /// Frames written per second of wall time.
     pub fn fps(&self) -> f64 {
         if self.seconds > 0.0 { self.frames as f64 / self.seconds } else { 0.0 }

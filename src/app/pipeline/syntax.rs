@@ -86,6 +86,8 @@ pub enum Value {
     List(Vec<Node>),
     /// A table, in the order of the file.
     Table(Vec<Entry>),
+    /// What could not be read. The fault was reported: nothing more is said of it.
+    Unknown,
 }
 
 /// One `key = value`.
@@ -126,6 +128,7 @@ impl Node {
             Value::Text(_) | Value::Loose(_) => "a string",
             Value::List(_) => "a list",
             Value::Table(_) => "a table",
+            Value::Unknown => "unknown",
         }
     }
 
@@ -152,7 +155,12 @@ impl Entry {
 pub fn parse(sources: &Sources, id: SourceId) -> Result<Vec<Entry>, Problem> {
     let text = sources.get(id).map_or("", |s| s.text.as_str());
     let document = Document::parse(text).map_err(|error| syntax_problem(id, text, &error))?;
-    Ok(table_entries(id, document.as_table().iter().map(|(k, item)| (document.as_table().key(k), k, item))))
+    Ok(entries_of(id, &document))
+}
+
+/// The top level of a document.
+pub(super) fn entries_of(id: SourceId, document: &Document<&str>) -> Vec<Entry> {
+    table_entries(id, document.as_table().iter().map(|(k, item)| (document.as_table().key(k), k, item)))
 }
 
 /// Reads one value written as TOML, such as `23`, `"text"` or `[1, 2]`; `None` where it is not TOML.
@@ -176,7 +184,7 @@ fn respan(node: &mut Node, span: Span) {
     }
 }
 
-fn syntax_problem(id: SourceId, text: &str, error: &toml_edit::TomlError) -> Problem {
+pub(super) fn syntax_problem(id: SourceId, text: &str, error: &toml_edit::TomlError) -> Problem {
     let range = error.span().unwrap_or(0..0);
     let span = Span { source: id, start: range.start.min(text.len()), end: range.end.min(text.len()) };
     let message = error.message().lines().next().unwrap_or("invalid TOML").to_owned();

@@ -10,6 +10,7 @@ use serde_json::json;
 use super::mesh::binding;
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use plumbline_num::run::Run;
 use plumbline_shape::character::ik::{IkMethod, interpolate};
 use plumbline_shape::character::io::{Rig, character_of};
@@ -173,7 +174,8 @@ impl Stage for PoseSettings {
     }
 
     fn run(&self, (surface, rig): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let trained = self.model.as_deref().map(|file| Trained::read(Path::new(file))).transpose()?;
+        let file = self.model.as_deref().map(to_path);
+        let trained = file.as_deref().map(Trained::read).transpose()?;
         let character = character(context, &surface.model, rig.as_deref(), trained.as_ref(), self)?;
         let wanted = poses(context, &character, self)?;
         let posed = if self.rig {

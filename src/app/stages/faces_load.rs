@@ -1,9 +1,9 @@
 //! `faces.load`: reads boxes around faces.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use plumbline_image::feature::Face;
 use plumbline_image::still::Photo;
 use plumbline_photo::marks::FacesFile;
@@ -31,7 +31,7 @@ impl Stage for FacesLoadSettings {
     }
 
     fn run(&self, (photo,): Self::Input, _context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         let size = (photo.frame.width as u32, photo.frame.height as u32);
         let file = FacesFile::read(path, size).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
         let faces = file.in_use().map(|f| Face { rect: f.rect, score: f64::INFINITY }).collect();

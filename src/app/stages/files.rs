@@ -5,6 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::context::Context;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::report::{ReportFormat, document};
 use plumbline_num::files::{AtomicFile, IfExists};
@@ -76,6 +77,6 @@ impl Context<'_, '_> {
     /// Another extension, or a file that cannot be written.
     pub(crate) fn write_report(&mut self, path: &str, name: &str, report: &serde_json::Value) -> Result<(), RunError> {
         let format = ReportFormat::of(path).map_err(RunError::Usage)?;
-        self.write_file(Path::new(path), document(name, report, format))
+        self.write_file(&to_path(path), document(name, report, format))
     }
 }

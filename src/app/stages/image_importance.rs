@@ -1,10 +1,10 @@
 //! `image.importance`: the importance of each position of a picture.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::photo::painted_mask;
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use plumbline_image::feature::{Face, Importance, ImportanceOptions};
 use plumbline_image::still::Photo;
 
@@ -36,8 +36,8 @@ impl Stage for ImportanceSettings {
 
     fn run(&self, (photo, faces): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let faces = faces.unwrap_or_default();
-        let mask = match self.mask.as_deref().map(Path::new) {
-            Some(path) => Some(painted_mask(path)?),
+        let mask = match self.mask.as_deref().map(to_path) {
+            Some(path) => Some(painted_mask(&path)?),
             None => None,
         };
         let options = ImportanceOptions::default();

@@ -1,10 +1,10 @@
 //! `image.load`: opens a still picture.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::photo::{heif, still_error};
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::summary::InputSummary;
 use plumbline_image::still::{self, LoadOptions, Photo, StillError};
 
@@ -45,7 +45,7 @@ impl Stage for ImageLoadSettings {
     }
 
     fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         let options = LoadOptions { max_pixels: self.max_pixels };
         let photo = match still::load(path, options) {
             Err(StillError::Heif) => heif::load(path, options, context.job.threads)?,

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use super::numpy::write_npy;
 use super::prelude::*;
 use super::values::PhotoMap;
+use crate::pipeline::paths::to_path;
 use plumbline_image::grid::GridMesh;
 use plumbline_image::still::Photo;
 use plumbline_image::write_exr;
@@ -41,7 +42,7 @@ impl Default for MapExportSettings {
 impl MapExportSettings {
     /// The file whose name ends so.
     fn file(&self, end: &str) -> PathBuf {
-        format!("{}{end}", self.path).into()
+        to_path(&format!("{}{end}", self.path))
     }
 }
 

@@ -1,12 +1,12 @@
 //! `image.save`: writes a still picture.
 
 use std::io;
-use std::path::Path;
 use std::sync::Arc;
 
 use super::files::{cannot, filled, try_begin};
 use super::photo::still_error;
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use plumbline_image::still::Photo;
 use plumbline_image::still::{SaveOptions, Saved, StillFormat, encode};
 
@@ -46,13 +46,13 @@ impl Stage for ImageSaveSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
         try_begin(path)
     }
 
     fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         let format = StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
         let (options, if_exists) = (SaveOptions { quality: self.quality }, context.job.if_exists());
         let mut saved = Ok(Saved::default());

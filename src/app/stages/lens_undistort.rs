@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix2;
 
-use super::photo::lens::clip_lens;
+use super::photo::lens::{clip_lens, lens_file};
 use super::photo::{rectified, view};
 use super::prelude::*;
 use super::video_track::focal_px_of;
@@ -67,6 +67,10 @@ impl Stage for LensUndistortSettings {
 
     fn over_time(&self) -> TemporalScope {
         TemporalScope::Once
+    }
+
+    fn reads(&self) -> Vec<&str> {
+        lens_file(&self.lens).into_iter().collect()
     }
 
     fn memory(&self) -> Vec<MemoryCost> {

@@ -1,10 +1,10 @@
 //! `lines.load`: reads marked lines.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::prelude::*;
 use super::values::LineSet;
+use crate::pipeline::paths::to_path;
 use plumbline_image::still::Photo;
 use plumbline_photo::marks::LinesFile;
 
@@ -33,7 +33,7 @@ impl Stage for LinesLoadSettings {
     }
 
     fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         if self.optional && !path.exists() {
             return Ok((LineSet::default(),));
         }

@@ -1,10 +1,10 @@
 //! `lines.save`: writes lines as a file of marked lines.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::prelude::*;
 use super::values::LineSet;
+use crate::pipeline::paths::to_path;
 use plumbline_image::still::Photo;
 use plumbline_photo::marks::LinesFile;
 
@@ -37,7 +37,7 @@ impl Stage for LinesSaveSettings {
     fn run(&self, (photo, set): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let size = (photo.frame.width as u32, photo.frame.height as u32);
         let text = LinesFile::new(size, set.lines).to_json();
-        context.write_file(Path::new(&self.path), text)?;
+        context.write_file(&to_path(&self.path), text)?;
         Ok((Written,))
     }
 }

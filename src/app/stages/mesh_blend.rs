@@ -9,6 +9,7 @@ use super::morphing::shapes::Shapes;
 use super::morphing::{of_file, report_line, write_report};
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use plumbline_shape::morph::correspondence::CorrespondenceMethod;
 use plumbline_shape::morph::paint::Paint;
 use plumbline_shape::morph::{Trajectory, TrajectoryOptions, time_field};
@@ -70,7 +71,7 @@ impl Stage for BlendSettings {
         let pair = Pair::new(context, [first, second], self.landmarks.as_ref(), CorrespondenceMethod::default(), None)?;
         // Painted times, extended to all vertices.
         let in_paint = of_file(&self.paint);
-        let paint = Paint::read(self.paint.as_ref()).map_err(&in_paint)?;
+        let paint = Paint::read(&to_path(&self.paint)).map_err(&in_paint)?;
         let painted = paint.of_mesh(pair.model.mesh()).map_err(&in_paint)?;
         let times = time_field(&pair.first, &pair.gathered(&painted), paint.elsewhere(), &context.job.run())?;
         // Shapes at fractions of these times.

@@ -5,6 +5,7 @@ use serde_json::json;
 use super::morphing::{of_file, report_line, write_report};
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use plumbline_shape::mesh::{Model, RepairOptions, Repaired, repair};
 use plumbline_shape::morph::composition::{Cut, SeamFile, compose};
 
@@ -45,7 +46,7 @@ impl Stage for ComposeSettings {
         let (base, part) = (base.mesh()?, part.mesh()?);
         // The seam, in vertices of the meshes as they were read.
         let in_seam = of_file(&self.seam);
-        let file = SeamFile::read(self.seam.as_ref()).map_err(&in_seam)?;
+        let file = SeamFile::read(&to_path(&self.seam)).map_err(&in_seam)?;
         let mut options = file.of_meshes(&base, &part).map_err(&in_seam)?;
         // Both repaired; the seam in vertices of what repair left.
         let [base, part] = [&base, &part].map(|mesh| repair(mesh, &RepairOptions::default(), &context.job.run()));

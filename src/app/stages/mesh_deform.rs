@@ -1,7 +1,6 @@
 //! `mesh.deform`: moves a few vertices and lets the rest follow.
 
 use std::f64::consts::PI;
-use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::Point3;
@@ -11,6 +10,7 @@ use super::mesh::report;
 use super::mesh::solvable::Solvable;
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use plumbline_num::run::Run;
 use plumbline_shape::surface::handle_file::{HandleFile, MeshHandles};
 use plumbline_shape::surface::{Convergence, DeformOptions, DeformReport, Deformer, InitialGuess, Method};
@@ -86,7 +86,7 @@ impl Stage for MeshDeformSettings {
     }
 
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let path = Path::new(&self.handles);
+        let path = &to_path(&self.handles);
         let of_file = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
         let mesh = posed.mesh()?;
         let handles =

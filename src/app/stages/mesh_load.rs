@@ -1,10 +1,9 @@
 //! `mesh.load`: opens a mesh.
 
-use std::path::Path;
-
 use super::mesh::mesh_error;
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::summary::SurfaceSummary;
 use crate::pipeline::units::ByteSize;
 use plumbline_shape::mesh::{Model, ReadLimits, read_model};
@@ -41,7 +40,7 @@ impl Stage for MeshLoadSettings {
     }
 
     fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         let limits = ReadLimits { max_bytes: self.max_bytes.0, ..context.job.read_limits() };
         let model = read_model(path, &limits, &context.job.run()).map_err(|e| mesh_error(path, &e))?;
         for warning in model.warnings() {

@@ -1,7 +1,6 @@
 //! `mesh.modes`: the softest deformations of a surface, and its near-rigid parts.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use nalgebra::Vector3;
 use serde_json::json;
@@ -10,6 +9,7 @@ use super::mesh::solvable::Solvable;
 use super::npz::{Array, write_npz};
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use plumbline_shape::surface::modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, parts};
 
 /// Settings of `mesh.modes`.
@@ -66,11 +66,11 @@ impl Stage for MeshModesSettings {
         let divided = self.parts.as_ref().map(|_| parts(&solvable.mesh, &found, &options, &context.job.run()));
         let divided = divided.transpose()?;
         report_modes(context, &solvable, &found, divided.as_ref(), self);
-        if let Some(path) = self.modes.as_deref().map(Path::new) {
-            context.fill_file(path, |out| write_npz(out, &arrays(&found, &solvable)))?;
+        if let Some(path) = self.modes.as_deref().map(to_path) {
+            context.fill_file(&path, |out| write_npz(out, &arrays(&found, &solvable)))?;
         }
-        if let (Some(path), Some(divided)) = (self.parts.as_deref().map(Path::new), &divided) {
-            context.write_file(path, format!("{}\n", parts_json(divided, &solvable)))?;
+        if let (Some(path), Some(divided)) = (self.parts.as_deref().map(to_path), &divided) {
+            context.write_file(&path, format!("{}\n", parts_json(divided, &solvable)))?;
         }
         Ok((Written,))
     }

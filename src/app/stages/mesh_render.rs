@@ -9,6 +9,7 @@ use super::numpy::read_npy;
 use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::job::Job;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::sizes::PixelSize;
 use crate::pipeline::surfaces::BackgroundColor;
 use plumbline_image::canvas::Rgb;
@@ -137,7 +138,7 @@ impl Stage for MeshRenderSettings {
         let edges = self.wireframe.then(|| polygon_edges(&posed.model));
         let mut marks = if self.handles { marks(&posed, size) } else { Vec::new() };
         if let Some(path) = &self.skeleton {
-            marks.extend(skeleton_marks(Path::new(path), size, context.job)?);
+            marks.extend(skeleton_marks(&to_path(path), size, context.job)?);
         }
         let surface = Surface { mesh: &mesh, paint, edges: edges.as_deref(), marks: &marks };
         let drawn = draw(&surface, &camera, &style(self), &context.job.run())?;
@@ -255,7 +256,7 @@ fn values(posed: &Posed, mesh: &TriMesh, settings: &MeshRenderSettings) -> Resul
         "z" => along(2),
         "displacement" => now.iter().zip(rest).map(|(a, b)| nalgebra::distance(a, b)).collect(),
         "stretch" => stretch(mesh, rest),
-        file => of_file(Path::new(file), mesh)?,
+        file => of_file(&to_path(file), mesh)?,
     }))
 }
 

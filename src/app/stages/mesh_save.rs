@@ -7,6 +7,7 @@ use super::mesh::animated::animated;
 use super::mesh::mesh_error;
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use plumbline_shape::mesh::io::{WriteOptions, encode_model, losses};
 use plumbline_shape::mesh::{MeshError, MeshFormat, Model};
 
@@ -61,16 +62,16 @@ impl Stage for MeshSaveSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        let format = format_of(Path::new(&self.path))?;
+        let format = format_of(&to_path(&self.path))?;
         if self.seconds.is_some() && !matches!(format, MeshFormat::Gltf | MeshFormat::Glb) {
             let name = &self.path;
             return Err(RunError::Usage(format!("`{name}` has no movement (`seconds` needs .glb or .gltf)")));
         }
-        try_begin(Path::new(&self.files()[0]))
+        try_begin(&to_path(&self.files()[0]))
     }
 
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let format = format_of(Path::new(&self.path))?;
+        let format = format_of(&to_path(&self.path))?;
         let (files, poses) = (self.files(), posed.poses.len().max(1));
         let wanted = self.frames.max(1) as usize;
         if wanted != poses {
@@ -84,7 +85,7 @@ impl Stage for MeshSaveSettings {
         }
         for (i, file) in files.iter().enumerate() {
             context.job.check_cancel()?;
-            let path = Path::new(file);
+            let path = &to_path(file);
             let moved = match self.seconds {
                 Some(seconds) => Some(moving(context, &posed, seconds, path)),
                 None => posed.poses.get(i).map(|pose| posed.model.with_positions(pose.clone())),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use super::photo::lens::{self, LensRequest};
+use super::photo::lens::{self, LensRequest, lens_file};
 use super::photo::{rectangle, rectified, rects, report_lines, view};
 use super::prelude::*;
 use super::values::{LineSet, PhotoMap};
@@ -78,6 +78,10 @@ impl Stage for PhotoRectifySettings {
     const MAP: Option<MapStep> = Some(MapStep::Photo);
     type Input = (Arc<Photo>, Vec<LineSet>, Option<Arc<[Face]>>, Option<Arc<Importance>>);
     type Output = (Arc<PhotoMap>,);
+
+    fn reads(&self) -> Vec<&str> {
+        lens_file(&self.lens).into_iter().collect()
+    }
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "grid and factor", bytes: 64 << 20, ..MemoryCost::default() }]

@@ -8,6 +8,7 @@ use super::files::write_whole;
 use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::job::Job;
+use crate::pipeline::paths::to_path;
 use plumbline_num::document::read_text;
 use plumbline_num::run::Run;
 use plumbline_shape::character::extraction::{
@@ -81,7 +82,7 @@ impl Stage for SkeletonExtractSettings {
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let mesh = posed.mesh()?;
         let options = ExtractionOptions { keep: keep(self, &mesh, context)?, ..self.options.clone() };
-        let folder = self.contraction_frames.as_deref().map(Path::new);
+        let folder = self.contraction_frames.as_deref().map(to_path);
         let mut failed = None;
         let mut frames = Vec::new();
         let job = context.job;
@@ -89,7 +90,7 @@ impl Stage for SkeletonExtractSettings {
             if job.check_cancel().is_err() {
                 return ControlFlow::Break(());
             }
-            let Some(folder) = folder else { return ControlFlow::Continue(()) };
+            let Some(folder) = &folder else { return ControlFlow::Continue(()) };
             let path = folder.join(format!("part{:03}_round{:03}.obj", step.part, step.iteration));
             match write_frame(&path, step, context.job) {
                 Ok(()) => frames.push(path),
@@ -108,7 +109,7 @@ impl Stage for SkeletonExtractSettings {
         context.job.check_cancel()?;
         context.summary.outputs.extend(frames);
         let rig = rig(context, &curve, &report, self)?;
-        if let Some(path) = self.path.as_deref().map(Path::new) {
+        if let Some(path) = &self.path.as_deref().map(to_path) {
             let bytes = encoded(path, &posed.model, &rig, &curve, &context.job.run())?;
             context.write_file(path, bytes)?;
         }
@@ -123,8 +124,8 @@ fn rig(
     report: &ExtractionReport,
     settings: &SkeletonExtractSettings,
 ) -> Result<Rig, RunError> {
-    if let Some(template) = settings.template.as_deref().map(Path::new) {
-        return fitted(context, template, curve, report);
+    if let Some(template) = settings.template.as_deref().map(to_path) {
+        return fitted(context, &template, curve, report);
     }
     let wanted = settings.joints.map(|n| n as usize);
     let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
@@ -192,7 +193,7 @@ fn keep(settings: &SkeletonExtractSettings, mesh: &TriMesh, context: &Context<'_
         return Ok(if settings.keep.is_some() { Keep::Extrema } else { Keep::Nothing });
     };
     let bad = |what: String| RunError::Input(format!("{name}: {what}"));
-    let text = read_text(Path::new(name), MAX_BYTES)
+    let text = read_text(&to_path(name), MAX_BYTES)
         .map_err(|e| bad(format!("{e} (expected `auto`, or a file of vertices)")))?;
     let only_numbers = text.matches('[').count() <= 1 && !text.contains('{');
     let vertices: Vec<VertexRef> = if only_numbers {

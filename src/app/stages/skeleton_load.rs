@@ -1,9 +1,9 @@
 //! `skeleton.load`: opens a skeleton.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use plumbline_shape::character::io::{Rig, read_rig};
 
 /// Settings of `skeleton.load`.
@@ -29,7 +29,7 @@ impl Stage for SkeletonLoadSettings {
     }
 
     fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         let rig = read_rig(path, &context.job.read_limits(), &context.job.run())
             .map_err(|e| RunError::Input(e.to_string()))?;
         rig.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));

@@ -11,7 +11,8 @@ use super::character_pose::PoseSettings;
 use super::mesh::{binding, mesh_error};
 use super::prelude::*;
 use super::values::Posed;
-use crate::pipeline::items::{MESH_EXTENSIONS, expand, is_glob};
+use crate::pipeline::items::{MESH_EXTENSIONS, Search, is_glob};
+use crate::pipeline::paths::to_path;
 use plumbline_num::run::Run;
 use plumbline_shape::character::ik::IkMethod;
 use plumbline_shape::character::io::{Rig, character_of};
@@ -77,7 +78,7 @@ impl Stage for SkinTrainSettings {
     fn reads(&self) -> Vec<&str> {
         let lists = self.examples.iter().chain(&self.held_out).chain(&self.poses);
         // What folders and globs mean is found when it is read.
-        let files = lists.filter(|name| !is_glob(name) && !std::path::Path::new(name).is_dir());
+        let files = lists.filter(|name| !is_glob(name) && !to_path(name).is_dir());
         files.chain(&self.weights).map(String::as_str).collect()
     }
 
@@ -106,7 +107,7 @@ impl Stage for SkinTrainSettings {
         if let Some(surface) = &mut context.summary.surface {
             surface.training = Some(error_line(&kept, &validation, mesh.diagonal()));
         }
-        context.write_file(Path::new(&self.path), file.to_bytes())?;
+        context.write_file(&to_path(&self.path), file.to_bytes())?;
         // The report.
         let Some(path) = &self.report else { return Ok((Written,)) };
         let prototypes = if let Trained::Reduced(reduced) = &model { Some(reduced.shape_count()) } else { None };
@@ -191,7 +192,8 @@ fn internal(error: CharacterError) -> RunError {
 /// Files to learn from, and those that are held out.
 fn files(settings: &SkinTrainSettings) -> Result<(Vec<PathBuf>, Vec<PathBuf>), RunError> {
     let found = |patterns: &[String]| {
-        let files = expand(patterns, None, &MESH_EXTENSIONS).map_err(RunError::Input)?;
+        let search = Search { extensions: &MESH_EXTENSIONS, ..Search::default() };
+        let files = search.paths(patterns).map_err(|e| RunError::Input(e.to_string()))?;
         if files.is_empty() && !patterns.is_empty() {
             return Err(RunError::Input(format!("no mesh matches {}", patterns.join(", "))));
         }
@@ -302,7 +304,8 @@ impl Poses {
         if settings.poses.is_empty() {
             return Ok(Self(None));
         }
-        let files = expand(&settings.poses, None, &["json"]).map_err(RunError::Input)?;
+        let search = Search { extensions: &["json"], ..Search::default() };
+        let files = search.paths(&settings.poses).map_err(|e| RunError::Input(e.to_string()))?;
         let bound = || Skin::bound(subject.weights.clone(), &subject.skeleton).map(Arc::new);
         let skin = subject.own.clone().map_or_else(bound, Ok)?;
         let character = Character::new(subject.model.clone(), subject.skeleton.clone(), skin);

@@ -1,10 +1,10 @@
 //! `skin.weights`: how much each vertex of a mesh follows each joint of a skeleton.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use super::prelude::*;
 use super::values::Posed;
+use crate::pipeline::paths::to_path;
 use plumbline_shape::character::WeightsFile;
 use plumbline_shape::character::io::Rig;
 use plumbline_shape::character::weights::{WeightMethod, WeightOptions, WeightReport, bone_weights};
@@ -49,7 +49,7 @@ impl Stage for SkinWeightsSettings {
             surface.weights = Some(format!("{joints} joints, {} at most for a vertex", weights.most_influences()));
         }
         let file = WeightsFile::of(skeleton, &weights).map_err(|e| RunError::Internal(e.to_string()))?;
-        context.write_file(Path::new(&self.path), file.to_json())?;
+        context.write_file(&to_path(&self.path), file.to_json())?;
         Ok((Written,))
     }
 }

@@ -1,11 +1,10 @@
 //! `video.importance`: importance maps of a clip, computed at a few frames per second as for still images, while the clip is
 //! tracked or in a pass of its own.
 
-use std::path::Path;
-
 use super::clip::stream::for_each_frame;
 use super::photo::painted_mask;
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use crate::stages::TrackSettings;
 use plumbline_image::Frame;
 use plumbline_image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
@@ -115,7 +114,7 @@ pub(super) struct ImportanceEstimator {
 
 impl ImportanceEstimator {
     pub(super) fn new(stage: usize, settings: &VideoImportanceSettings, video: &VideoInfo) -> Result<Self, RunError> {
-        let mask = |path: &String| Ok::<_, RunError>((path.clone(), painted_mask(Path::new(path))?));
+        let mask = |path: &String| Ok::<_, RunError>((path.clone(), painted_mask(&to_path(path))?));
         let options = FaceOptions { max_side: FACES_SIDE, ..FaceOptions::default() };
         let rate = video.frame_rate.map_or(25.0, Ratio::value);
         Ok(Self {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::files::{cannot, filled, try_begin};
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use plumbline_num::files::{AtomicFile, IfExists, publish_all};
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::motion::exchange::{Container, colmap, write_csv, write_gltf};
@@ -59,17 +60,17 @@ impl Stage for MotionExportSettings {
         let tracks: &Tracks = context.values.get(context.required(stage, "tracks")?)?;
         let mut written = Written::new(context.job.if_exists());
         if let Some(path) = &self.path {
-            written.file(Path::new(path), |out| Ok(motion.write_json_with_tracks(out, &tracks.store)?))?;
+            written.file(&to_path(path), |out| Ok(motion.write_json_with_tracks(out, &tracks.store)?))?;
         }
         if let Some(folder) = &self.colmap {
-            written.models(Path::new(folder), motion, tracks)?;
+            written.models(&to_path(folder), motion, tracks)?;
         }
         if let Some(path) = &self.gltf {
-            let path = Path::new(path);
+            let path = &to_path(path);
             written.file(path, |out| Ok(write_gltf(motion, Container::of(path), out)?))?;
         }
         if let Some(path) = &self.csv {
-            written.file(Path::new(path), |out| Ok(write_csv(motion, out)?))?;
+            written.file(&to_path(path), |out| Ok(write_csv(motion, out)?))?;
         }
         let warnings = std::mem::take(&mut written.warnings);
         let outputs = written.publish()?;
@@ -81,8 +82,8 @@ impl Stage for MotionExportSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        let files = [&self.path, &self.gltf, &self.csv].into_iter().flatten().map(PathBuf::from);
-        let files = files.chain(self.colmap.iter().map(|folder| Path::new(folder).join(colmap::FILES[0].0)));
+        let files = [&self.path, &self.gltf, &self.csv].into_iter().flatten().map(|path| to_path(path));
+        let files = files.chain(self.colmap.iter().map(|folder| to_path(folder).join(colmap::FILES[0].0)));
         files.into_iter().try_for_each(|path| try_begin(&path))
     }
 }

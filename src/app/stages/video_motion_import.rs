@@ -9,6 +9,7 @@ use super::clip::stream::for_each_frame;
 use super::prelude::*;
 use super::video_motion::RollingShutter;
 use super::video_track::{clip_info, focal_px_of, hand_on_motion};
+use crate::pipeline::paths::to_path;
 use crate::stages::{DecodeSettings, MotionSettings};
 use plumbline_media::VideoInfo;
 use plumbline_num::time::Timestamp;
@@ -59,7 +60,7 @@ impl Stage for MotionImportSettings {
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
         let decode = context.required(stage, "frames")?.from;
-        let path = Path::new(&self.path);
+        let path = &to_path(&self.path);
         let focal_px = if self.cameras { focal_px_of(&context.input(decode)?) } else { None };
         let (motion, tracks) =
             if path.is_dir() { from_models(context, decode, path)? } else { from_motion_file(context, decode, path)? };

@@ -7,14 +7,13 @@ mod in_plane;
 mod in_space;
 mod shown;
 
-use std::path::Path;
-
 use in_plane::{Windows, curves};
 use shown::Shown;
 
 use super::clip::encoding;
 use super::files::try_begin;
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::summary::Summary;
 use crate::report::{Chart, Clip, Crop, Curve, Curves, Outcome, Report, ReportFormat};
 pub(super) use album::Album;
@@ -65,12 +64,12 @@ impl Stage for ReportSettings {
         context.job.check_cancel()?;
         let format = ReportFormat::of(&self.path).map_err(RunError::Usage)?;
         let text = gathered(context, stage)?.written(format);
-        context.write_file(Path::new(&self.path), text)?;
+        context.write_file(&to_path(&self.path), text)?;
         Ok(HandedOn)
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        try_begin(Path::new(&self.path))
+        try_begin(&to_path(&self.path))
     }
 }
 

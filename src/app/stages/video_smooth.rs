@@ -1,6 +1,7 @@
 //! `video.smooth`: plans the virtual camera.
 
 use super::prelude::*;
+use crate::pipeline::paths::unescaped;
 use plumbline_video::motion::ClipMotion;
 pub use plumbline_video::path::Zoom;
 pub use plumbline_video::stabilize::{InSpace, PathMethod, SmoothingOptions as SmoothSettings};
@@ -32,10 +33,15 @@ impl Stage for SmoothSettings {
         vec![MemoryCost { what: "path", bytes_per_clip_frame: 80.0, ..MemoryCost::default() }]
     }
 
+    fn reads(&self) -> Vec<&str> {
+        self.path_file.as_deref().and_then(std::path::Path::to_str).into_iter().collect()
+    }
+
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
         let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
         let tracks: Option<&Tracks> = context.edge(stage, "tracks").map(|edge| context.values.get(edge)).transpose()?;
-        let path = plan_path(motion, tracks, self, &context.job.run())?;
+        let options = Self { path_file: self.path_file.as_deref().map(unescaped), ..self.clone() };
+        let path = plan_path(motion, tracks, &options, &context.job.run())?;
         context.values.put(stage, "path", path);
         Ok(HandedOn)
     }

@@ -10,7 +10,7 @@
 //! both −1 where the map is not defined. A map without any warp is therefore `R = (i + ½)/W`, `G = 1 − (j + ½)/H`.
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
@@ -18,6 +18,7 @@ use super::clip::chain::Chain;
 use super::clip::stream::for_each_frame;
 use super::files::cannot;
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use plumbline_image::warp::Lattice;
 use plumbline_image::write_exr;
 use plumbline_num::files::AtomicFile;
@@ -63,7 +64,7 @@ impl Stage for StMapSettings {
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
         let source = context.required(stage, "frames")?.from;
-        let folder = PathBuf::from(&self.path);
+        let folder = to_path(&self.path);
         let (input, reader) = context.open(source)?;
         let chain = Chain::of(context, stage, self.keep_inside)?;
         chain.check(input.name(), reader.info())?;
@@ -88,7 +89,7 @@ impl Stage for StMapSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        begin(Path::new(&self.path)).map(drop)
+        begin(&to_path(&self.path)).map(drop)
     }
 }
 

@@ -8,6 +8,7 @@ use super::lens_undistort::Undistorted;
 use super::prelude::*;
 use super::video_importance::importance_estimators;
 use crate::pipeline::kind::Settings;
+use crate::pipeline::paths::unescaped;
 use crate::stages::{MotionSettings, SmoothSettings, VideoRetargetSettings, WarpSettings};
 use plumbline_media::{Input, Ratio, VideoInfo};
 use plumbline_video::motion::ClipMotion;
@@ -47,11 +48,12 @@ impl Stage for TrackSettings {
         let decode = context.required(stage, "frames")?.from;
         let (input, reader) = context.open(decode)?;
         let video = reader.info().clone();
+        let options = Self { mask: self.mask.as_deref().map(unescaped), ..self.clone() };
         let lens: Option<Undistorted> = match context.edge(stage, "lens") {
             Some(edge) => Some(context.values.get::<Undistorted>(edge)?.clone()),
             None => None,
         };
-        let mut tracker = ClipTracker::new(&clip_info(&video), self, lens.as_ref().map(Undistorted::carrier))?;
+        let mut tracker = ClipTracker::new(&clip_info(&video), &options, lens.as_ref().map(Undistorted::carrier))?;
         let mut estimators = importance_estimators(context, decode, &video)?;
         context.job.progress.begin(context.pass.index, "analyze", video.frames_estimate);
         let report = for_each_frame(context.job, reader, |frame| {

@@ -135,6 +135,16 @@ impl AtomicFile {
         Err(io::Error::other("unfinished files are taken away as soon as they are begun"))
     }
 
+    /// Whether a name is one of an unfinished file or folder: what a killed run left is nobody's input.
+    pub fn is_partial_name(name: &str) -> bool {
+        let marked = name.match_indices(".partial-").any(|(at, mark)| {
+            let (before, rest) = (&name[..at + mark.len()], &name[at + mark.len()..]);
+            let after = rest.find('.').map_or("", |dot| &rest[dot..]);
+            Name { before: before.to_owned(), after: after.to_owned() }.matches(name)
+        });
+        marked || Name::beginning("plumbline-stdin-").matches(name)
+    }
+
     /// Removes unfinished files that were to become `target` and whose writers died.
     pub fn remove_leftovers(target: &Path) {
         sweep(folder_of(target), &Name::of(target));

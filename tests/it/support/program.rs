@@ -44,10 +44,11 @@ pub(crate) fn err(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Names of the files in `folder`, sorted.
+/// Names of the files in `folder`, sorted; the record of a batch is left out.
 pub(crate) fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("a folder");
     let mut names: Vec<_> = entries.map(|e| e.expect("an entry").file_name().into_string().expect("UTF-8")).collect();
+    names.retain(|name| name != ".plumbline");
     names.sort();
     names
 }

@@ -34,7 +34,10 @@ impl<W: Write + Send> Progress for JsonLines<W> {
 
 fn object(event: &Event<'_>) -> Value {
     match event {
-        Event::RunStart { items } => json!({"ev": "run.start", "items": items}),
+        Event::RunStart { items, up_to_date } => {
+            json!({"ev": "run.start", "items": items, "up_to_date": up_to_date})
+        }
+        Event::TaskSkip { task } => json!({"ev": "task.skip", "task": task, "reason": "up to date"}),
         Event::TaskStart { task } => json!({"ev": "task.start", "task": task}),
         Event::TaskProgress { task, tick } => json!({
             "ev": "task.progress", "task": task, "pass": tick.pass, "passes": tick.passes, "label": tick.label,
@@ -64,12 +67,13 @@ mod tests {
             Tick { pass: 1, passes: 2, label: "analyze".into(), done: 120, total: Some(480), fps: 31.5, eta_s: None };
         let summary = Summary { frames: 480, ..Summary::default() };
         let events = [
-            Event::RunStart { items: 1 },
+            Event::RunStart { items: 2, up_to_date: 1 },
             Event::TaskStart { task: "tour" },
             Event::TaskProgress { task: "tour", tick: &tick },
             Event::TaskRetry { task: "tour", attempt: 2, error: "device\nbusy" },
             Event::TaskDone { task: "tour", summary: &summary },
             Event::TaskFail { task: "x", error: "no video", code: 65 },
+            Event::TaskSkip { task: "y" },
             Event::RunEnd { done: 1, failed: 1, seconds: 2.0 },
         ];
         for event in &events {
@@ -78,11 +82,21 @@ mod tests {
         let text = String::from_utf8(sink.out.into_inner().expect("not poisoned")).expect("UTF-8");
         let lines: Vec<Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
         let names: Vec<&str> = lines.iter().filter_map(|l| l["ev"].as_str()).collect();
-        let expected = ["run.start", "task.start", "task.progress", "task.retry", "task.done", "task.fail", "run.end"];
+        let expected = [
+            "run.start",
+            "task.start",
+            "task.progress",
+            "task.retry",
+            "task.done",
+            "task.fail",
+            "task.skip",
+            "run.end",
+        ];
         assert_eq!(names, expected);
         assert!(lines.iter().all(|l| l["t"].as_f64().is_some_and(|t| t >= 0.0)));
         let progress = (&lines[2]["done"], &lines[2]["total"], &lines[2]["fps"], &lines[2]["unit"], &lines[2]["eta_s"]);
         assert_eq!(progress, (&120.into(), &480.into(), &31.5.into(), &"frame".into(), &Value::Null));
+        assert_eq!((&lines[0]["items"], &lines[0]["up_to_date"]), (&2.into(), &1.into()));
         assert_eq!((&lines[4]["summary"]["frames"], &lines[5]["code"]), (&480.into(), &65.into()));
     }
 }

@@ -5,7 +5,8 @@ use std::io::Write;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use super::{Event, Progress, Tick, clock, error_line};
+use super::super::paths::shown;
+use super::{Event, Progress, Tick, clock, error_line, up_to_date_line};
 
 /// Events as plain lines.
 pub(super) struct Lines<W> {
@@ -32,7 +33,7 @@ impl<W: Write + Send> Lines<W> {
 impl<W: Write + Send> Progress for Lines<W> {
     fn event(&self, event: &Event<'_>) {
         let Ok(mut state) = self.state.lock() else { return };
-        if let Event::RunStart { items } = event {
+        if let Event::RunStart { items, .. } = event {
             state.many = *items > 1;
         }
         if let Event::TaskProgress { task, tick } = event {
@@ -45,7 +46,7 @@ impl<W: Write + Send> Progress for Lines<W> {
         }
         if let Some(line) = line(event, state.many) {
             // A reader that went away is no reason to stop the work.
-            let _ = writeln!(state.out, "{line}");
+            let _ = writeln!(state.out, "{}", shown(&line));
         }
     }
 
@@ -59,6 +60,7 @@ fn line(event: &Event<'_>, many: bool) -> Option<String> {
         Event::TaskProgress { task, tick } => format!("{task}: {}", tick_text(tick)),
         Event::TaskRetry { task, attempt, error } => format!("{task}: {error}; try {attempt} follows"),
         Event::TaskFail { task, error, .. } => error_line(task, error, many),
+        Event::RunStart { items, up_to_date } => return up_to_date_line(*up_to_date, *items),
         Event::RunEnd { done, failed, seconds } if done + failed > 1 => {
             format!("{done} of {} items done in {}", done + failed, clock(*seconds))
         }
@@ -89,7 +91,7 @@ mod tests {
             fps: 61.25,
             eta_s: Some(12.3),
         };
-        sink.event(&Event::RunStart { items: 2 });
+        sink.event(&Event::RunStart { items: 3, up_to_date: 1 });
         for done in 1..100 {
             tick.done = done;
             sink.event(&Event::TaskProgress { task: "a", tick: &tick });
@@ -99,7 +101,8 @@ mod tests {
         sink.event(&Event::TaskFail { task: "b", error: "no video", code: 65 });
         sink.event(&Event::RunEnd { done: 1, failed: 1, seconds: 75.0 });
         let text = String::from_utf8(sink.state.into_inner().expect("not poisoned").out).expect("UTF-8");
-        let expected = "a: analyze (1 of 2) 1/300 frames, 61.2 fps, 0:12 to go\n\
+        let expected = "1 up to date, 2 to do\n\
+                        a: analyze (1 of 2) 1/300 frames, 61.2 fps, 0:12 to go\n\
                         a: warp (2 of 2) 99 frames, 61.2 fps, 0:12 to go\n\
                         error: b: no video\n\
                         1 of 2 items done in 1:15\n";

@@ -36,8 +36,10 @@ pub struct Tick {
 pub enum Event<'a> {
     /// The run begins.
     RunStart {
-        /// Items to do.
+        /// All items.
         items: usize,
+        /// Those whose results are there already.
+        up_to_date: usize,
     },
     /// A task begins.
     TaskStart {
@@ -76,6 +78,11 @@ pub enum Event<'a> {
         /// Exit status of that class of fault.
         code: u8,
     },
+    /// The results of a task are there already: nothing is done.
+    TaskSkip {
+        /// Key of the instance.
+        task: &'a str,
+    },
     /// The run is over.
     RunEnd {
         /// Tasks done.
@@ -103,6 +110,11 @@ pub fn error_line(task: &str, error: &str, many: bool) -> String {
     // Most errors begin with the name of the file at fault, which often is the key.
     let named = !many || error.starts_with(&format!("{task}: "));
     if named { format!("error: {error}") } else { format!("error: {task}: {error}") }
+}
+
+/// What people read of a run of which some results are there already.
+pub fn up_to_date_line(up_to_date: usize, items: usize) -> Option<String> {
+    (up_to_date > 0).then(|| format!("{up_to_date} up to date, {} to do", items.saturating_sub(up_to_date)))
 }
 
 /// Ignores all events.

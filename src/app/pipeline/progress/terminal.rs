@@ -6,7 +6,8 @@ use std::sync::Mutex;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use super::{Event, Progress, Tick, clock, error_line};
+use super::super::paths::shown;
+use super::{Event, Progress, Tick, clock, error_line, up_to_date_line};
 
 /// Events as bars on standard error.
 pub(super) struct Bars {
@@ -42,7 +43,7 @@ impl Bars {
     /// Writes a line above the bars, also where the terminal cannot show bars.
     fn write(&self, line: &str) {
         // The terminal went away: nobody reads the line, and the work goes on.
-        self.all.suspend(|| _ = writeln!(std::io::stderr(), "{line}"));
+        self.all.suspend(|| _ = writeln!(std::io::stderr(), "{}", shown(line)));
     }
 }
 
@@ -61,15 +62,24 @@ impl Progress for Bars {
     fn event(&self, event: &Event<'_>) {
         let Ok(mut state) = self.state.lock() else { return };
         match event {
-            Event::RunStart { items } if *items > 1 => {
+            Event::RunStart { items, up_to_date } if *items > 1 => {
                 state.many = true;
-                let bar = ProgressBar::new(*items as u64).with_style(style("{bar:30} {pos}/{len} clips  {elapsed}"));
+                if let Some(line) = up_to_date_line(*up_to_date, *items) {
+                    self.write(&line);
+                }
+                let left = items.saturating_sub(*up_to_date) as u64;
+                let bar = ProgressBar::new(left).with_style(style("{bar:30} {pos}/{len} clips  {elapsed}"));
                 state.batch = Some(self.all.add(bar));
             }
-            Event::RunStart { .. } => {}
+            Event::RunStart { items, up_to_date } => {
+                if let Some(line) = up_to_date_line(*up_to_date, *items) {
+                    self.write(&line);
+                }
+            }
+            Event::TaskSkip { .. } => {}
             Event::TaskStart { task } => {
                 let bar = ProgressBar::no_length().with_style(style("{bar:30} {pos}/{len} {wide_msg}  {prefix}"));
-                bar.set_prefix((*task).to_owned());
+                bar.set_prefix(shown(task).into_owned());
                 state.tasks.insert((*task).to_owned(), self.all.insert(0, bar));
             }
             Event::TaskProgress { task, tick } => {

@@ -11,6 +11,7 @@ mod serve;
 
 use serde::{Deserialize, Serialize};
 
+use super::paths::Paths;
 use super::progress::Tick;
 use super::run_error::RunError;
 use super::summary::Summary;
@@ -25,6 +26,8 @@ pub use serve::serve;
 enum Reply {
     /// How far it is.
     Tick(Tick),
+    /// Files that were written so far, while more is to come.
+    Written(Paths),
     /// It is done.
     Done(Box<Summary>),
     /// It failed: exit status of the fault, and its message.

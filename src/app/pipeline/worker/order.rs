@@ -52,7 +52,7 @@ impl Order {
             graph.stages.push(stage);
         }
         let plan = Plan::of(&graph);
-        Ok(Instance { key: self.key.clone(), item: None, graph, plan })
+        Ok(Instance { key: self.key.clone(), item: None, graph, plan: plan.into() })
     }
 }
 

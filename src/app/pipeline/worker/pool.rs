@@ -7,6 +7,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Order, Reply};
+use crate::pipeline::paths::Paths;
 use crate::pipeline::progress::{Event, Progress};
 use crate::pipeline::run_error::{Exit, RunError};
 use crate::pipeline::summary::Summary;
@@ -80,11 +81,17 @@ impl Pool {
 }
 
 impl Worker<'_> {
-    /// Does an order, and passes on how far it is.
+    /// Does an order, and passes on how far it is; `written` hears of files that were written while more is to come.
     ///
     /// # Errors
     /// What the worker reports; [`RunError::Internal`] where it dies of a crash, [`RunError::Temporary`] where it is killed.
-    pub fn run(&mut self, order: &Order, task: &str, progress: &dyn Progress) -> Result<Summary, RunError> {
+    pub fn run(
+        &mut self,
+        order: &Order,
+        task: &str,
+        progress: &dyn Progress,
+        written: &dyn Fn(&[PathBuf]),
+    ) -> Result<Summary, RunError> {
         let process = match self.process.take() {
             Some(process) => process,
             None => self.pool.start()?,
@@ -95,6 +102,7 @@ impl Worker<'_> {
         loop {
             match process.reply() {
                 Some(Reply::Tick(tick)) => progress.event(&Event::TaskProgress { task, tick: &tick }),
+                Some(Reply::Written(Paths(files))) => written(&files),
                 Some(Reply::Done(summary)) => return Ok(*summary),
                 Some(Reply::Failed(exit, message)) => return Err(RunError::of_message(exit, message)),
                 None => break,

@@ -1,12 +1,14 @@
 //! The worker's side: takes orders until there are no more.
 
 use std::io::{BufRead, Write};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 
 use super::{Order, Reply};
 use crate::pipeline::execute::do_work;
 use crate::pipeline::job::{Job, StageRunner};
+use crate::pipeline::paths::Paths;
 use crate::pipeline::progress::{Event, Progress, TaskProgress};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::Summary;
@@ -42,7 +44,9 @@ pub fn serve(
     std::thread::Builder::new().name("orders".to_owned()).spawn(read).map_err(no_thread)?;
     let replies = Replies(Mutex::new(replies));
     for line in receiver {
-        let reply = Reply::from(done(&line, backend, &replies, cancel));
+        // Where nobody reads, the result says so.
+        let written = |files: &[PathBuf]| drop(replies.send(&Reply::Written(Paths(files.to_vec()))));
+        let reply = Reply::from(done(&line, backend, &replies, cancel, &written));
         // Before the reply: once it is read, the orders may end.
         working.store(false, Ordering::SeqCst);
         replies.send(&reply).map_err(|e| RunError::Temporary(format!("nobody reads what a worker says: {e}")))?;
@@ -55,11 +59,12 @@ fn done(
     backend: &dyn StageRunner,
     progress: &dyn Progress,
     cancel: &Arc<AtomicBool>,
+    written: &dyn Fn(&[PathBuf]),
 ) -> Result<Summary, RunError> {
     let order: Order = serde_json::from_str(line).map_err(|e| RunError::Internal(format!("an order: {e}")))?;
     let instance = order.instance().map_err(RunError::Internal)?;
     let progress = TaskProgress::new(progress, &instance.key, instance.plan.passes.len());
-    do_work(&Job::new(&instance, &order.options, &progress, cancel), backend)
+    do_work(&Job::new(&instance, &order.options, &progress, cancel), backend, written)
 }
 
 /// Where replies go.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use plumbline_shape::character::weights::{WeightMethod, WeightOptions, bone_weights};
@@ -17,7 +18,7 @@ pub(crate) fn weights(
     file: Option<&String>,
 ) -> Result<SkinWeights, RunError> {
     if let Some(file) = file {
-        return read(Path::new(file), mesh, skeleton);
+        return read(&to_path(file), mesh, skeleton);
     }
     let options = WeightOptions { method: binding, ..WeightOptions::default() };
     let (weights, report) = bone_weights(mesh, skeleton, &options, &context.job.run())

@@ -6,6 +6,7 @@ use nalgebra::Point3;
 use serde_json::{Value as Json, json};
 
 use super::{of_file, report_line};
+use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh::solvable::Solvable;
@@ -56,7 +57,7 @@ impl Pair {
         match landmarks {
             None => Self::same(first.model, &a, &b, solvable),
             Some(path) => {
-                let pairs = Landmarks::read(path.as_ref()).and_then(|l| l.vertices(&a, &b)).map_err(of_file(path))?;
+                let pairs = Landmarks::read(&to_path(path)).and_then(|l| l.vertices(&a, &b)).map_err(of_file(path))?;
                 Self::laid(context, first.model, &b, solvable, &pairs, (over, tolerance))
             }
         }

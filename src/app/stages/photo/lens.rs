@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::lines_detect::LinesDetectSettings;
 use crate::stages::photo_rectify::PhotoRectifySettings;
@@ -107,6 +108,11 @@ pub(crate) fn clip_lens(
     given(&ExifFacts { size: Some(size), ..ExifFacts::default() }, size, request)
 }
 
+/// The file of a lens, where the setting names one.
+pub(crate) fn lens_file(lens: &str) -> Option<&str> {
+    (!lens.is_empty() && Projection::named(lens).is_none() && to_path(lens).is_file()).then_some(lens)
+}
+
 /// The lens that the user names.
 fn given(facts: &ExifFacts, size: (f64, f64), request: LensRequest<'_>) -> Result<Found, RunError> {
     match (request.lens, Projection::named(request.lens), request.fov) {
@@ -121,7 +127,7 @@ fn given(facts: &ExifFacts, size: (f64, f64), request: LensRequest<'_>) -> Resul
                 || RunError::Usage(format!("the lens `{}` needs a field of view: give --fov DEG", request.lens));
             named(projection, fov.ok_or_else(missing)?, size)
         }
-        (path, None, _) if Path::new(path).exists() => from_file(Path::new(path), facts, size),
+        (path, None, _) if to_path(path).exists() => from_file(&to_path(path), facts, size),
         (name, None, _) => Err(RunError::Usage(format!(
             "`{name}` is no lens (expected auto, a lens file, or rectilinear, equidistant, equisolid, stereographic, \
              orthographic, equirectangular, cylindrical or mercator with --fov)"
