@@ -2,6 +2,7 @@
 
 mod allocations;
 mod bad_input_cli;
+mod batch;
 mod cli;
 mod companions;
 mod dependencies;

@@ -18,6 +18,7 @@ use super::paths::to_text;
 use super::run_error::{Exit, RunError};
 use crate::stages::files::write_whole;
 use plumbline_num::document::{DocumentError, Kind, VERSION};
+use plumbline_num::files::IfExists;
 
 /// Files of results.
 const KIND: Kind = Kind { name: "a file of results", format: "plumbline.results", max_bytes: 1 << 30 };
@@ -135,7 +136,7 @@ impl Results {
     /// [`RunError::Output`].
     pub fn write(&self, path: &Path) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(self).map_err(|e| RunError::Internal(e.to_string()))?;
-        write_whole(path, text + "\n")
+        write_whole(path, text + "\n", IfExists::Replace)
     }
 
     /// Keys of the items that this run was to make and did not: those that failed, and those that it did not come to.

@@ -1,12 +1,15 @@
 //! Which files are read, and where results go.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::super::failure::Failure;
-use super::super::target::TargetArgs;
+use super::super::target::NameArgs;
 use crate::pipeline::Exit;
+use crate::pipeline::items::{Found, MESH_EXTENSIONS, Search};
+use crate::pipeline::paths::shown;
 use plumbline_num::files::IfExists;
 use plumbline_shape::mesh::MeshFormat;
 
@@ -14,7 +17,7 @@ use plumbline_shape::mesh::MeshFormat;
 #[derive(Debug, Args)]
 pub(super) struct MeshTargetArgs {
     #[command(flatten)]
-    names: TargetArgs,
+    names: NameArgs,
     /// Format of results that are named after their inputs; that of the input if left out
     #[arg(long, value_name = "EXT", conflicts_with = "output", value_parser = ["obj", "ply", "off", "stl", "gltf", "glb"])]
     format: Option<String>,
@@ -35,20 +38,22 @@ pub(super) struct Target {
 
 impl MeshTargetArgs {
     /// A target for each input, checked before the first is read.
-    pub(super) fn of(&self, inputs: &[PathBuf]) -> Result<Vec<Target>, Failure> {
-        let mut targets: Vec<Target> = Vec::new();
+    pub(super) fn of(&self, inputs: &[Found]) -> Result<Vec<Target>, Failure> {
+        let read: HashSet<PathBuf> = inputs.iter().filter_map(|input| input.path.canonicalize().ok()).collect();
+        let (mut targets, mut seen) = (Vec::with_capacity(inputs.len()), HashSet::new());
         for input in inputs {
             let path = self.path_for(input, inputs.len())?;
-            if targets.iter().any(|other| other.path == path) {
+            if !seen.insert(path.clone()) {
                 return Err(Failure::usage(format!("two inputs would be written as `{}`", path.display())));
             }
-            self.check(&path, inputs)?;
+            self.check(&path, &read)?;
             targets.push(Target { path, ascii: self.ascii, if_exists: IfExists::overwrite(self.overwrite) });
         }
         Ok(targets)
     }
 
-    fn path_for(&self, input: &Path, count: usize) -> Result<PathBuf, Failure> {
+    fn path_for(&self, found: &Found, count: usize) -> Result<PathBuf, Failure> {
+        let input = &found.path;
         if let Some(output) = &self.names.output {
             let several = || Failure::usage(format!("{count} inputs and one --output; give --out-dir or --suffix"));
             return if count == 1 { Ok(output.clone()) } else { Err(several()) };
@@ -59,7 +64,12 @@ impl MeshTargetArgs {
             name.push(".");
             name.push(extension);
         }
-        let folder = self.names.out_dir.as_deref().or(input.parent()).unwrap_or(Path::new(""));
+        // In a folder of results the folders of the inputs are kept.
+        let folder = match &self.names.out_dir {
+            Some(folder) if found.rel == Path::new(".") => folder.clone(),
+            Some(folder) => folder.join(&found.rel),
+            None => input.parent().unwrap_or(Path::new("")).to_owned(),
+        };
         let mut path = folder.join(name);
         if let Some(extension) = &self.format {
             path.set_extension(extension);
@@ -67,17 +77,13 @@ impl MeshTargetArgs {
         Ok(path)
     }
 
-    fn check(&self, path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+    fn check(&self, path: &Path, inputs: &HashSet<PathBuf>) -> Result<(), Failure> {
         let shown = path.display();
         if !MeshFormat::of_name(path).is_some_and(|format| format != MeshFormat::Medit) {
             let message = format!("`{shown}`: the extension is none of obj, ply, off, stl, gltf, glb");
             return Err(Failure::usage(message));
         }
-        let same = |input: &PathBuf| match (input.canonicalize(), path.canonicalize()) {
-            (Ok(input), Ok(path)) => input == path,
-            _ => false,
-        };
-        if inputs.iter().any(same) {
+        if path.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
             return Err(Failure::usage(format!("`{shown}` is an input; results never replace inputs")));
         }
         if !self.overwrite && path.exists() {
@@ -88,31 +94,20 @@ impl MeshTargetArgs {
     }
 }
 
-/// The inputs; folders stand for the mesh files in them, in order of their names.
-pub(super) fn all_inputs(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut inputs = Vec::new();
-    for path in given {
-        if !path.is_dir() {
-            inputs.push(path.clone());
-            continue;
-        }
-        let unreadable = |e: std::io::Error| {
-            let message = format!("{}: cannot be read: {e}", path.display());
-            Failure { exit: Exit::Input, message, drawn: false }
-        };
-        let mut inside = Vec::new();
-        for entry in std::fs::read_dir(path).map_err(unreadable)? {
-            let entry = entry.map_err(unreadable)?.path();
-            if entry.is_file() && MeshFormat::of_name(&entry).is_some() {
-                inside.push(entry);
-            }
-        }
-        if inside.is_empty() {
-            let message = format!("{}: no mesh files in this folder (obj ply off stl gltf glb mesh)", path.display());
+/// The inputs; folders stand for the mesh files below them, in order of their names.
+pub(super) fn all_inputs(given: &[String], recurse: bool) -> Result<Vec<Found>, Failure> {
+    let search = Search { extensions: &MESH_EXTENSIONS, recurse, ..Search::default() };
+    let mut inputs: Vec<Found> = Vec::new();
+    for pattern in given {
+        let found = search.expand(std::slice::from_ref(pattern)).map_err(|bad| Failure::usage(bad[0].to_string()))?;
+        if found.is_empty() {
+            let shown = shown(pattern);
+            let message = format!("{shown}: no mesh files here (obj ply off stl gltf glb mesh)");
             return Err(Failure { exit: Exit::Input, message, drawn: false });
         }
-        inside.sort();
-        inputs.extend(inside);
+        inputs.extend(found);
     }
+    let mut seen = HashSet::new();
+    inputs.retain(|found| seen.insert(found.path.clone()));
     Ok(inputs)
 }

@@ -4,15 +4,20 @@ mod files;
 
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::failure::Failure;
+use super::job::path_text;
 use super::print;
 use super::session::Session;
 use crate::pipeline::Exit;
+use crate::pipeline::items::Found;
+use crate::pipeline::paths::to_text;
+use crate::pipeline::threads::start;
 use crate::stages::mesh::mesh_error;
 use files::{MeshTargetArgs, Target, all_inputs};
 use plumbline_num::run::Run;
@@ -42,8 +47,14 @@ enum MeshCommand {
 #[derive(Debug, Args)]
 struct ReadArgs {
     /// Mesh files (obj ply off stl gltf glb mesh), or folders of them
-    #[arg(required = true, value_name = "INPUT")]
-    inputs: Vec<PathBuf>,
+    #[arg(required = true, value_parser = path_text(), value_name = "INPUT")]
+    inputs: Vec<String>,
+    /// Of a folder, take only the files directly in it; by default folders are searched at any depth
+    #[arg(long)]
+    no_recurse: bool,
+    /// Meshes at work at once; 0 = all processors
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=256))]
+    jobs: u32,
     /// Print JSON, a list with an item per input
     #[arg(long)]
     json: bool,
@@ -103,11 +114,11 @@ impl MeshArgs {
             MeshCommand::Info(read) => read.each(session, |_, model, format| info(model, format, run)),
             MeshCommand::Repair(args) => {
                 let options = RepairOptions { weld: args.weld, flat: args.flat };
-                let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
+                let targets = args.target.of(&args.read.found()?)?;
                 args.read.each(session, |k, model, _| repaired(model, &options, &targets[k], run))
             }
             MeshCommand::Convert(args) => {
-                let targets = args.target.of(&all_inputs(&args.read.inputs)?)?;
+                let targets = args.target.of(&args.read.found()?)?;
                 args.read.each(session, |k, model, _| written(model, &targets[k], run))
             }
         }
@@ -115,25 +126,34 @@ impl MeshArgs {
 }
 
 impl ReadArgs {
-    /// Does `work` with each input; one that fails does not stop the others.
+    /// The files that the inputs mean.
+    fn found(&self) -> Result<Vec<Found>, Failure> {
+        all_inputs(&self.inputs, !self.no_recurse)
+    }
+
+    /// Does `work` with each input, some at once, and reports in their order; one that fails does not stop the others.
     fn each(
         &self,
         session: &Session<'_>,
-        work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Report, MeshError>,
+        work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Report, MeshError> + Sync,
     ) -> Result<Exit, Failure> {
         let run = &session.interrupt.run();
         let limits =
             ReadLimits { max_bytes: self.max_bytes, allow_paths: self.allow_paths.clone(), ..ReadLimits::default() };
-        let inputs = all_inputs(&self.inputs)?;
+        let inputs = self.found()?;
         let (mut items, mut failed, mut last) = (Vec::new(), 0, Exit::Done);
-        for (k, path) in inputs.iter().enumerate() {
+        let one = |k: usize| {
+            let path = &inputs[k].path;
             let format = MeshFormat::of_name(path);
-            let report = read_model(path, &limits, run).and_then(|model| work(k, &model, format));
+            read_model(path, &limits, run).and_then(|model| work(k, &model, format))
+        };
+        let ended = in_order(inputs.len(), self.jobs, &one, |k, report| {
+            let path = &inputs[k].path;
             match report {
                 Ok(report) => {
                     let name = path.display().to_string();
                     if self.json {
-                        items.push(with_file(&name, report.json));
+                        items.push(with_file(&to_text(path), report.json));
                     } else {
                         let heading = if inputs.len() > 1 { format!("{name}\n") } else { String::new() };
                         print(&format!("{heading}{}\n", report.text.trim_end()));
@@ -145,11 +165,15 @@ impl ReadArgs {
                     last = failure.exit;
                     failure.report();
                     if run.check().is_err() {
-                        return Ok(session.interrupt.exit());
+                        return ControlFlow::Break(());
                     }
-                    items.push(json!({ "file": path.display().to_string(), "error": error.to_string() }));
+                    items.push(json!({ "file": to_text(path), "error": error.to_string() }));
                 }
             }
+            ControlFlow::Continue(())
+        });
+        if ended.is_break() {
+            return Ok(session.interrupt.exit());
         }
         if self.json {
             print(&format!("{:#}\n", Value::Array(items)));
@@ -160,6 +184,35 @@ impl ReadArgs {
         }
         Ok(if failed == 0 || failed == inputs.len() { last } else { Exit::Partial })
     }
+}
+
+/// Does `work` for each number below `count`, `jobs` at once (0: all processors), and hands the results on in order until
+/// `take` has enough.
+fn in_order<T: Send>(
+    count: usize,
+    jobs: u32,
+    work: &(dyn Fn(usize) -> T + Sync),
+    mut take: impl FnMut(usize, T) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let jobs = if jobs == 0 { processors } else { jobs as usize };
+    // By blocks, so that at most so many results wait for an earlier one.
+    for first in (0..count).step_by(jobs) {
+        let block = first..(first + jobs).min(count);
+        let results: Vec<T> = std::thread::scope(|scope| {
+            let others = block.clone().skip(1).map(|k| (k, start(scope, "mesh", move || work(k))));
+            let others: Vec<_> = others.collect();
+            let mut results = vec![work(first)];
+            results.extend(others.into_iter().map(|(k, thread)| match thread {
+                Ok(thread) => thread.join().unwrap_or_else(|e| std::panic::resume_unwind(e)),
+                // The system starts no more threads.
+                Err(_) => work(k),
+            }));
+            results
+        });
+        block.zip(results).try_for_each(|(k, result)| take(k, result))?;
+    }
+    ControlFlow::Continue(())
 }
 
 fn with_file(name: &str, mut report: Value) -> Value {
@@ -214,6 +267,10 @@ fn repaired(model: &Model, options: &RepairOptions, target: &Target, run: &Run) 
 
 fn written(model: &Model, target: &Target, run: &Run) -> Result<Report, MeshError> {
     let Target { path, ascii, if_exists } = target;
+    if let Some(folder) = path.parent() {
+        // A folder that cannot be made is reported with the file that cannot be written there.
+        let _ = std::fs::create_dir_all(folder);
+    }
     write_model_if(path, model, &WriteOptions { ascii: *ascii }, *if_exists, run)?;
     let lost = MeshFormat::of_name(path).map(|format| losses(model, format)).unwrap_or_default();
     let mut text = format!("written: {}", path.display());
