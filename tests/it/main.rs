@@ -12,6 +12,7 @@ mod failure;
 mod faults;
 mod fuzz;
 mod hostile_files;
+mod hostile_meshes;
 mod house;
 mod in_space;
 mod interruption;

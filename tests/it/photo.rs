@@ -292,3 +292,17 @@ fn the_commands_build_the_shipped_graphs() {
         }
     }
 }
+
+#[test]
+fn a_picture_of_one_pixel_across_is_rectified_without_lines() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    for (name, width, height) in [("row.png", 9000, 1), ("column.png", 1, 9000)] {
+        write(&photo(width, height), &folder.join(name));
+        let args = ["rectify", name, "--lens", "rectilinear", "--fov", "100", "-o", "out.png", "--overwrite"];
+        let run = plumbline_in(folder, &args);
+        // Where the view shows nothing of so narrow a picture, its options are at fault.
+        assert!(matches!(run.status.code(), Some(0 | 2)), "{name}: {}", err(&run));
+        assert!(!err(&run).contains("internal error"), "{name}: {}", err(&run));
+    }
+}

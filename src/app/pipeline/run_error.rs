@@ -92,7 +92,6 @@ impl From<StabilizeError> for RunError {
                 Self::Input(format!("a path file needs the cameras of the clip: {wanted}"))
             }
             StabilizeError::Store(_) => Self::Temporary(error.to_string()),
-            StabilizeError::Warp { .. } => Self::Internal(error.to_string()),
             _ => Self::Input(error.to_string()),
         }
     }
@@ -119,7 +118,6 @@ impl From<SurfaceError> for RunError {
         match error {
             SurfaceError::Interrupted(stopped) => stopped.into(),
             SurfaceError::Option { .. } | SurfaceError::Convergence(_) => Self::Usage(error.to_string()),
-            SurfaceError::Pose { .. } | SurfaceError::PerVertex { .. } => Self::Internal(error.to_string()),
             other => Self::Input(other.to_string()),
         }
     }

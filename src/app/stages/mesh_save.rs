@@ -6,7 +6,7 @@ use super::files::try_begin;
 use super::mesh::animated::animated;
 use super::mesh::mesh_error;
 use super::prelude::*;
-use super::values::Posed;
+use super::values::{Posed, not_finite};
 use crate::pipeline::paths::to_path;
 use plumbline_shape::mesh::io::{WriteOptions, encode_model, losses};
 use plumbline_shape::mesh::{MeshError, MeshFormat, Model};
@@ -90,7 +90,7 @@ impl Stage for MeshSaveSettings {
                 Some(seconds) => Some(moving(context, &posed, seconds, path)),
                 None => posed.poses.get(i).map(|pose| posed.model.with_positions(pose.clone())),
             };
-            let moved = moved.transpose().map_err(|e| RunError::Internal(e.to_string()))?;
+            let moved = moved.transpose().map_err(|e| not_finite(&e))?;
             let model = moved.as_ref().unwrap_or(&posed.model);
             let bytes = encode_model(model, format, &options, &context.job.run()).map_err(|e| mesh_error(path, &e))?;
             context.write_file(path, bytes)?;

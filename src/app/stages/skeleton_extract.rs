@@ -108,12 +108,41 @@ impl Stage for SkeletonExtractSettings {
         let (curve, report) = found?;
         context.job.check_cancel()?;
         context.summary.outputs.extend(frames);
+        warn_of_bounds(context, &report);
         let rig = rig(context, &curve, &report, self)?;
         if let Some(path) = &self.path.as_deref().map(to_path) {
             let bytes = encoded(path, &posed.model, &rig, &curve, &context.job.run())?;
             context.write_file(path, bytes)?;
         }
         Ok((Arc::new(rig), Written))
+    }
+}
+
+/// Warns of what has no curve, and of a curve that is coarser than usual.
+fn warn_of_bounds(context: &mut Context<'_, '_>, report: &ExtractionReport) {
+    if let Some(first) = report.outliers.first() {
+        context.warn(format!(
+            "{} outliers left out (first: vertex {first}): more than 100 times as far from the middle as nine tenths of the vertices",
+            report.outliers.len()
+        ));
+    }
+    if report.specks > 0 {
+        context.warn(format!(
+            "{} components with {} vertices left out: each has less than 1/10000 of the area of the largest",
+            report.specks, report.speck_vertices
+        ));
+    }
+    if report.spacing > 1.0 {
+        context.warn(format!(
+            "the shape is so long and thin that the nodes of its curve are {:.1} times as far apart as usual",
+            report.spacing
+        ));
+    }
+    if report.unrefined > 0 {
+        context.warn(format!(
+            "the curves of {} components are not centered to the end: too many of their triangles overlap; remesh them",
+            report.unrefined
+        ));
     }
 }
 

@@ -10,7 +10,7 @@ use serde_json::{Value as Json, json};
 use super::character_pose::PoseSettings;
 use super::mesh::{binding, mesh_error};
 use super::prelude::*;
-use super::values::Posed;
+use super::values::{Posed, not_finite};
 use crate::pipeline::items::{MESH_EXTENSIONS, Search, is_glob};
 use crate::pipeline::paths::to_path;
 use plumbline_num::run::Run;
@@ -216,7 +216,7 @@ fn subject(
     rig: Option<&Rig>,
     settings: &SkinTrainSettings,
 ) -> Result<Subject, RunError> {
-    let model = posed.model.with_positions(posed.last().to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
+    let model = posed.model.with_positions(posed.last().to_vec()).map_err(|e| not_finite(&e))?;
     let file = settings.weights.as_ref();
     let Some(rig) = rig else {
         let Character { skeleton, skin, .. } = own_character(&posed.model)?;

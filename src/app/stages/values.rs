@@ -14,7 +14,7 @@ use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
 use plumbline_photo::{Line, PhotoWarp};
 use plumbline_shape::character::io::Rig;
-use plumbline_shape::mesh::{Model, TriMesh};
+use plumbline_shape::mesh::{MeshError, Model, TriMesh};
 
 impl PortValue for Arc<Photo> {
     const DATA: PortType = PortType::Image;
@@ -73,6 +73,11 @@ pub struct PhotoMap {
     pub(crate) report: serde_json::Map<String, serde_json::Value>,
 }
 
+/// A pose whose positions are not numbers: translations, scales or the mesh are beyond the range of double precision.
+pub(crate) fn not_finite(error: &MeshError) -> RunError {
+    RunError::Input(format!("the mesh in its pose: {error}; scale the mesh and its movement to a size near 1"))
+}
+
 /// A mesh between stages: the model as it was read, and beside it the poses that it was given. Files are written from the model,
 /// so that polygons, texture coordinates, groups and materials are those that were read.
 #[derive(Clone)]
@@ -93,10 +98,10 @@ impl Posed {
     /// The mesh in its last pose.
     ///
     /// # Errors
-    /// [`RunError::Internal`] where the pose does not fit the mesh.
+    /// [`RunError::Input`] where the pose is not finite.
     pub(crate) fn mesh(&self) -> Result<TriMesh, RunError> {
         let moved = self.model.mesh().with_positions(self.last().to_vec());
-        moved.map_err(|e| RunError::Internal(e.to_string()))
+        moved.map_err(|e| not_finite(&e))
     }
 
     /// Positions of the last pose.

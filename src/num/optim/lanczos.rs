@@ -77,8 +77,57 @@ pub struct ShiftedPencil<'a> {
     pub shift: f64,
     /// Factor of `A + σM`.
     pub factor: &'a mut Cholesky,
-    /// Eigenvectors that are not asked for, of any length, independent of each other.
-    pub known: &'a [Vec<f64>],
+    /// Eigenvectors that are not asked for. Supports of different groups are disjoint.
+    pub known: &'a [KnownVectors],
+}
+
+/// Vectors that are zero outside of a support: the work of leaving them out is that of the support, however many groups there are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KnownVectors {
+    /// Unknowns, each once.
+    pub support: Vec<u32>,
+    /// Values at the support, of any length, independent of each other.
+    pub vectors: Vec<Vec<f64>>,
+}
+
+impl KnownVectors {
+    /// What `y` has at the support.
+    fn gather(&self, y: &[f64]) -> Vec<f64> {
+        self.support.iter().map(|i| y[*i as usize]).collect()
+    }
+
+    /// Makes `y` orthogonal to the vectors, which are orthonormal.
+    fn leave_out(&self, y: &mut [f64]) {
+        let mut part = self.gather(y);
+        for v in &self.vectors {
+            let c = dot(v, &part);
+            subtract(&mut part, v, c);
+        }
+        for (i, value) in self.support.iter().zip(part) {
+            y[*i as usize] = value;
+        }
+    }
+
+    /// The vectors `√m x` made orthonormal, without those that depend on others.
+    fn orthonormal(&self, roots: &[f64]) -> Self {
+        let roots = self.gather(roots);
+        let mut kept = Self { support: (0..self.support.len() as u32).collect(), vectors: Vec::new() };
+        for x in &self.vectors {
+            let mut y: Vec<f64> = x.iter().zip(&roots).map(|(x, r)| x * r).collect();
+            let before = norm(&y);
+            if !(before > 0.0 && before.is_finite()) {
+                continue;
+            }
+            scale(&mut y, 1.0 / before);
+            (0..PASSES).for_each(|_| kept.leave_out(&mut y));
+            let left = norm(&y);
+            scale(&mut y, 1.0 / left);
+            if left > DEPENDENT {
+                kept.vectors.push(y);
+            }
+        }
+        Self { support: self.support.clone(), vectors: kept.vectors }
+    }
 }
 
 impl ShiftedPencil<'_> {
@@ -95,8 +144,8 @@ impl ShiftedPencil<'_> {
         assert!(self.mass.iter().all(|&m| m > 0.0) && self.shift > 0.0, "positive masses and shift");
         let roots: Vec<f64> = self.mass.iter().map(|m| m.sqrt()).collect();
         let mut space = Space::new(n, &roots, self.known, options.seed);
-        let count = count.min(n - space.known.len());
-        let largest = (2 * count + 6 * BLOCK).min(n - space.known.len());
+        let count = count.min(n - space.known());
+        let largest = (2 * count + 6 * BLOCK).min(n - space.known());
         let mut block = space.random_block(count.min(BLOCK));
         let mut blocks = 0;
         while count > 0 && blocks < options.max_blocks {
@@ -143,7 +192,7 @@ impl ShiftedPencil<'_> {
             values: vec![],
             vectors: vec![],
             residuals: vec![],
-            known: space.known.len(),
+            known: space.known(),
             solves: space.solves,
             converged: true,
         };
@@ -181,7 +230,7 @@ impl ShiftedPencil<'_> {
 
 /// Orthonormal vectors and the projection of `C` onto their span.
 struct Space {
-    known: Vec<Vec<f64>>,
+    known: Vec<KnownVectors>,
     basis: Vec<Vec<f64>>,
     /// `⟨v_i, C v_j⟩` for `j` whose image is known.
     projection: DMatrix<f64>,
@@ -202,9 +251,9 @@ struct Ritz {
 }
 
 impl Space {
-    fn new(n: usize, roots: &[f64], known: &[Vec<f64>], seed: u64) -> Self {
-        let mut space = Self {
-            known: Vec::new(),
+    fn new(n: usize, roots: &[f64], known: &[KnownVectors], seed: u64) -> Self {
+        Self {
+            known: known.iter().map(|group| group.orthonormal(roots)).collect(),
             basis: Vec::new(),
             projection: DMatrix::zeros(0, 0),
             tail: DMatrix::zeros(0, 0),
@@ -212,14 +261,12 @@ impl Space {
             solves: 0,
             random: fastrand::Rng::with_seed(seed),
             n,
-        };
-        for x in known {
-            let mut y: Vec<f64> = x.iter().zip(roots).map(|(x, r)| x * r).collect();
-            if space.orthonormalize(&mut y, &[]) {
-                space.known.push(y);
-            }
         }
-        space
+    }
+
+    /// Number of known vectors.
+    fn known(&self) -> usize {
+        self.known.iter().map(|group| group.vectors.len()).sum()
     }
 
     /// Makes a vector a unit orthogonal to all; `false` where nothing is left of it.
@@ -230,7 +277,8 @@ impl Space {
         }
         scale(y, 1.0 / before);
         for _ in 0..PASSES {
-            for v in self.known.iter().chain(&self.basis).chain(more) {
+            self.known.iter().for_each(|group| group.leave_out(y));
+            for v in self.basis.iter().chain(more) {
                 subtract(y, v, dot(v, y));
             }
         }
@@ -264,10 +312,7 @@ impl Space {
         for (k, w) in images.iter_mut().enumerate() {
             let column = size - width + k;
             for pass in 0..PASSES {
-                for v in &self.known {
-                    let c = dot(v, w);
-                    subtract(w, v, c);
-                }
+                self.known.iter().for_each(|group| group.leave_out(w));
                 for (i, v) in self.basis.iter().enumerate() {
                     let c = dot(v, w);
                     subtract(w, v, c);
@@ -312,7 +357,7 @@ impl Space {
 
     /// After an invariant space is found: new directions; `false` where there are none.
     fn widen(&mut self, block: &mut Vec<Vec<f64>>) -> bool {
-        *block = self.random_block(BLOCK.min(self.n - self.known.len() - self.basis.len()));
+        *block = self.random_block(BLOCK.min(self.n - self.known() - self.basis.len()));
         !block.is_empty()
     }
 
@@ -397,7 +442,7 @@ mod tests {
         let n = 300;
         let mass = vec![1.0; n];
         let (a, mut factor) = pencil(n, |_| 0.0, &mass, 1e-6);
-        let known = [vec![3.0; n]];
+        let known = [KnownVectors { support: (0..n as u32).collect(), vectors: vec![vec![3.0; n]] }];
         let mut problem = ShiftedPencil { matrix: &a, mass: &mass, shift: 1e-6, factor: &mut factor, known: &known };
         let found = problem.lowest(20, &LanczosOptions::default(), &Run::default()).expect("a run that never stops");
         assert!(found.converged, "{:?}", found.residuals);

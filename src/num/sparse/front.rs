@@ -14,12 +14,25 @@ use faer::linalg::matmul::triangular::{BlockStructure, matmul as triangular_matm
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::Scalar;
+use crate::run::{Run, Stopped};
 
 /// Multiplications of a front from which the dense kernels are faster than our loops: a square front of 29 columns.
 const LARGE: usize = 24_000;
 
 /// Columns of a strip: wider leaves more of the work to the loops, narrower makes the products too thin for the dense kernels.
 const STRIP: usize = 32;
+
+/// Multiplications of the last product of a front from which it is made in parts, between which the run is looked at: about a tenth of a
+/// second.
+const PART: usize = 1_000_000_000;
+
+/// Why an elimination ended.
+pub(super) enum Ended {
+    /// The pivot of this column of the front is not positive.
+    Pivot(usize),
+    /// The run ended.
+    Stopped(Stopped),
+}
 
 /// A dense front: the panel of its columns, `rows` values each, and what remains below, both by columns.
 #[derive(Debug)]
@@ -31,20 +44,20 @@ pub(super) struct Front<'a, T> {
     pub(super) rows: usize,
 }
 
-/// Eliminates the columns of a front; the index of the first pivot that is not positive on failure.
-pub(super) fn eliminate<T: Scalar>(front: &mut Front<'_, T>) -> Result<(), usize> {
+/// Eliminates the columns of a front, looking at the run every few columns of large ones.
+pub(super) fn eliminate<T: Scalar>(front: &mut Front<'_, T>, run: &Run) -> Result<(), Ended> {
     let (width, rows) = (front.width, front.rows);
     if width * rows * rows > LARGE
         && let (Some(panel), Some(u)) = (T::reals_mut(front.panel), T::reals_mut(front.u))
     {
-        return eliminate_large(panel, u, (width, rows));
+        return eliminate_large(panel, u, (width, rows), run);
     }
-    eliminate_strip(front.panel, 0, rows)?;
-    subtract_all(front)
+    eliminate_strip(front.panel, 0, rows).and_then(|()| subtract_all(front)).map_err(Ended::Pivot)
 }
 
-fn eliminate_large(panel: &mut [f64], u: &mut [f64], (width, rows): (usize, usize)) -> Result<(), usize> {
+fn eliminate_large(panel: &mut [f64], u: &mut [f64], (width, rows): (usize, usize), run: &Run) -> Result<(), Ended> {
     for start in (0..width).step_by(STRIP) {
+        run.check().map_err(Ended::Stopped)?;
         let columns = STRIP.min(width - start);
         let (done, strip) = panel.split_at_mut(start * rows);
         let strip = &mut strip[..columns * rows];
@@ -53,11 +66,16 @@ fn eliminate_large(panel: &mut [f64], u: &mut [f64], (width, rows): (usize, usiz
             let strip = MatMut::from_column_major_slice_mut(strip, rows, columns).subrows_mut(start, rows - start);
             matmul(strip, Accum::Add, done, done.subrows(0, columns).transpose(), -1.0, Par::Seq);
         }
-        eliminate_strip(strip, start, rows).map_err(|k| start + k)?;
+        eliminate_strip(strip, start, rows).map_err(|k| Ended::Pivot(start + k))?;
     }
     let below = rows - width;
-    if below > 0 {
-        let m = MatRef::from_column_major_slice(panel, rows, width).subrows(width, below);
+    // Parts of the columns of `M` when the product takes long; else all of them at once.
+    let columns = (PART / (below * below).max(1)).max(STRIP);
+    for start in (0..width).step_by(columns).filter(|_| below > 0) {
+        run.check().map_err(Ended::Stopped)?;
+        let columns = columns.min(width - start);
+        let panel = &panel[start * rows..][..columns * rows];
+        let m = MatRef::from_column_major_slice(panel, rows, columns).subrows(width, below);
         let u = MatMut::from_column_major_slice_mut(u, below, below);
         let (lower, full) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
         triangular_matmul(u, lower, Accum::Add, m, full, m.transpose(), full, -1.0, Par::Seq);

@@ -19,7 +19,7 @@
 use super::Scalar;
 use super::blocks::Blocks;
 use super::etree::NONE;
-use super::front::{Front, eliminate};
+use super::front::{Ended, Front, eliminate};
 use super::permuted::Permuted;
 use crate::run::{Run, Stopped};
 
@@ -159,7 +159,7 @@ impl<T: Scalar> Multifrontal<T> {
         self.waiting = Vec::with_capacity(self.list.len());
     }
 
-    /// Factors the permuted matrix whose entries are `a` into the panels `l`, looking at the run before each block.
+    /// Factors the permuted matrix whose entries are `a` into the panels `l`, looking at the run before each block and within large ones.
     pub(super) fn factor(&mut self, a: &[T], l: &mut [T], run: &Run) -> Result<(), Halt> {
         l.fill(T::default());
         for (&position, &value) in self.position.iter().zip(a) {
@@ -183,7 +183,10 @@ impl<T: Scalar> Multifrontal<T> {
                 extend_add(&lower[start..][..rows.len() * rows.len()], rows, &mut front);
                 top = start;
             }
-            eliminate(&mut front).map_err(|k| Halt::Pivot(block.first as usize + k))?;
+            eliminate(&mut front, run).map_err(|ended| match ended {
+                Ended::Pivot(k) => Halt::Pivot(block.first as usize + k),
+                Ended::Stopped(stopped) => Halt::Stopped(stopped),
+            })?;
             if below > 0 {
                 self.stack.copy_within(bottom..bottom + below * below, top);
                 self.waiting.push((s as u32, top));

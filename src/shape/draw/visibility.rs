@@ -82,8 +82,11 @@ impl View {
             run.check()?;
             let before = layer.map(|l| &l.inverse_depth[band * size..][..inverse_depth.len()]);
             let mut target = Target { top: band * BAND, columns: self.columns, triangle, inverse_depth, before };
-            self.bands.of(band).iter().for_each(|i| self.screen[*i as usize].draw(&mut target));
-            Ok(())
+            self.bands.of(band).iter().try_for_each(|i| {
+                run.check()?;
+                self.screen[*i as usize].draw(&mut target);
+                Ok(())
+            })
         })?;
         Ok(VisibleLayer { samples: self.samples, columns: self.columns, triangle, inverse_depth })
     }

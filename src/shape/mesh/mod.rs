@@ -6,6 +6,7 @@ mod half_edges;
 pub mod io;
 pub mod model;
 pub mod operators;
+mod outliers;
 pub(crate) mod region;
 pub mod repair;
 pub mod shapes;

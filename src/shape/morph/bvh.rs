@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use crate::mesh::TriMesh;
-use plumbline_num::run::{Run, Stopped};
+use plumbline_num::run::{Interrupt, Run, Stopped};
 use plumbline_num::spatial::{Aabb, BoxTree, closest_point_on_triangle};
 
 /// A point on a surface.
@@ -67,15 +67,22 @@ impl Bvh {
         best
     }
 
-    /// Visits each pair of triangles `t < u` with overlapping boxes.
-    pub(super) fn pairs(&self, mut visit: impl FnMut(u32, u32), run: &Run) -> Result<(), Stopped> {
+    /// Visits each pair of triangles `t < u` with overlapping boxes; whether `most` tests of two boxes of triangles were enough.
+    pub(super) fn pairs(&self, most: usize, mut visit: impl FnMut(u32, u32), run: &Run) -> Result<bool, Stopped> {
+        // The traversal ends with the run, or after so many tests.
+        let traversal = Run::with_interrupt(&Interrupt::new());
+        let mut tests = 0;
         let overlapping = |i: usize, j: usize| {
-            if Aabb::around(&self.corners[i]).overlaps(&Aabb::around(&self.corners[j])) {
+            tests += 1;
+            if tests > most || run.check().is_err() {
+                traversal.interrupt.stop();
+            } else if Aabb::around(&self.corners[i]).overlaps(&Aabb::around(&self.corners[j])) {
                 let [t, u] = [i, j].map(|k| self.tree.order()[k]);
                 visit(t.min(u), t.max(u));
             }
         };
-        self.tree.pairs(overlapping, run)
+        let whole = self.tree.pairs(overlapping, &traversal).is_ok();
+        run.complete(whole)
     }
 }
 

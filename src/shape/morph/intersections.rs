@@ -14,8 +14,14 @@ use plumbline_num::run::{Run, Stopped};
 /// # Errors
 /// [`Stopped`].
 pub fn self_intersections(mesh: &TriMesh, run: &Run) -> Result<Vec<[u32; 2]>, Stopped> {
+    Ok(few_self_intersections(mesh, usize::MAX, run)?.unwrap_or_default())
+}
+
+/// As [`self_intersections`]; `None` where that takes more than `most` tests of the boxes of two triangles.
+pub(super) fn few_self_intersections(mesh: &TriMesh, most: usize, run: &Run) -> Result<Option<Vec<[u32; 2]>>, Stopped> {
     let mut found = Vec::new();
-    Bvh::new(mesh).pairs(
+    let within = Bvh::new(mesh).pairs(
+        most,
         |t, u| {
             if intersect(mesh, t as usize, u as usize) {
                 found.push([t, u]);
@@ -25,7 +31,7 @@ pub fn self_intersections(mesh: &TriMesh, run: &Run) -> Result<Vec<[u32; 2]>, St
     )?;
     found.sort_unstable();
     found.dedup();
-    Ok(found)
+    Ok(within.then_some(found))
 }
 
 /// An edge that crosses a triangle.

@@ -266,8 +266,8 @@ impl Deformer {
     /// with a single solve ignore `guess` and `convergence`.
     ///
     /// # Errors
-    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`], [`SurfaceError::Interrupted`]. After
-    /// an interrupted call the deformer remains usable; [`InitialGuess::Last`] is then [`InitialGuess::Auto`].
+    /// [`SurfaceError::Pose`], [`SurfaceError::NotFinite`], [`SurfaceError::Convergence`], [`SurfaceError::Diverged`],
+    /// [`SurfaceError::Interrupted`]. After an interrupted call the deformer remains usable; [`InitialGuess::Last`] is then [`InitialGuess::Auto`].
     pub fn deform(
         &mut self,
         pose: &HandlePose,
@@ -275,7 +275,11 @@ impl Deformer {
         convergence: &Convergence,
         run: &Run,
     ) -> Result<Deformation, SurfaceError> {
-        self.solver.deform(pose, guess, convergence, run)
+        let found = self.solver.deform(pose, guess, convergence, run)?;
+        match found.positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+            None => Ok(found),
+            Some(vertex) => Err(SurfaceError::Diverged { vertex }),
+        }
     }
 }
 

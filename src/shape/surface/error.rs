@@ -72,6 +72,15 @@ pub enum SurfaceError {
         /// The vertex.
         vertex: u32,
     },
+    /// Numerics: a solution that is not finite.
+    #[error(
+        "the solution is not finite at vertex {vertex}: squares of lengths of the mesh are beyond the range of double precision; scale \
+         the mesh to a size near 1, or remesh what is smaller or larger than the rest by many orders of magnitude"
+    )]
+    Diverged {
+        /// The vertex.
+        vertex: usize,
+    },
     /// Settings: an option out of its range.
     #[error(transparent)]
     Option(#[from] OptionError),

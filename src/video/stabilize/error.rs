@@ -25,8 +25,8 @@ pub enum StabilizeError {
     /// The machine is at fault: the tracks of the clip cannot be kept in its temporary files.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// This library is at fault: the warp of a frame could not be solved, or has no inverse.
-    #[error("frame {frame}: {reason}")]
+    /// Input: the warp of a frame could not be solved, or has no inverse.
+    #[error("frame {frame}: {reason}; take the mode `similarity`, which has no meshes, or cut the frame out")]
     Warp {
         /// The frame, from 0.
         frame: usize,

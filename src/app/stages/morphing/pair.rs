@@ -10,7 +10,7 @@ use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh::solvable::Solvable;
-use crate::stages::values::Posed;
+use crate::stages::values::{Posed, not_finite};
 use plumbline_shape::mesh::{Model, TriMesh};
 use plumbline_shape::morph::correspondence::{
     CorrespondenceMethod, Landmarks, MapQuality, correspond, measure, refine,
@@ -66,7 +66,7 @@ impl Pair {
     fn same(model: Arc<Model>, a: &TriMesh, b: &TriMesh, solvable: Solvable) -> Result<Self, RunError> {
         same_connectivity(a, b)?;
         let there = solvable.source_of_vertex.iter().map(|v| b.positions()[*v as usize]).collect();
-        let second = solvable.mesh.with_positions(there).map_err(|e| RunError::Internal(e.to_string()))?;
+        let second = solvable.mesh.with_positions(there).map_err(|e| not_finite(&e))?;
         let ends = Some([a.positions().to_vec(), b.positions().to_vec()]);
         Ok(Self { model, first: solvable.mesh.clone(), second, solvable, refined: false, ends, quality: None })
     }

@@ -5,6 +5,7 @@ use serde_json::{Value as Json, json};
 
 use super::pair::Pair;
 use crate::pipeline::run_error::RunError;
+use crate::stages::values::not_finite;
 use plumbline_num::run::Run;
 use plumbline_shape::morph::intersections::self_intersections;
 
@@ -36,7 +37,7 @@ impl<'p> Shapes<'p> {
     ) -> Result<(), RunError> {
         if self.count {
             let count = |x: &[Point3<f64>]| {
-                let mesh = self.pair.first.with_positions(x.to_vec()).map_err(|e| RunError::Internal(e.to_string()))?;
+                let mesh = self.pair.first.with_positions(x.to_vec()).map_err(|e| not_finite(&e))?;
                 Ok::<_, RunError>(self_intersections(&mesh, run)?.len())
             };
             let counts = [count(x)?, count(linear)?];

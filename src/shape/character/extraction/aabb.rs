@@ -2,11 +2,23 @@
 //!
 //! A point is inside if the winding number is not zero: intersecting limbs have a common inside. If triangles at an edge are inconsistently
 //! oriented, the winding number is undefined; the parity of intersections decides then.
+//!
+//! A query visits many triangles where they overlap, and there are many queries: once the run has ended, queries find nothing, and what
+//! is made of them is discarded at the next check. The tree counts the triangles that its queries visit; what only improves the curve
+//! ends when there have been too many.
+
+use std::cell::Cell;
+use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
 
 use super::caps;
+use plumbline_num::run::Run;
 use plumbline_num::spatial::{BoxTree, Ray, closest_point_on_triangle, ray_crosses_triangle};
+
+/// Number of visited triangles from which the tree is exhausted: the time of some ten seconds. Queries of a figure visit some ten
+/// triangles each, those of a soup of triangles that all overlap visit thousands.
+const MAX_VISITS: u64 = 300_000_000;
 
 /// Triangles in a bounding volume hierarchy.
 pub(super) struct AabbTree {
@@ -17,10 +29,12 @@ pub(super) struct AabbTree {
     normals: Vec<Vector3<f64>>,
     /// Whether every half-edge has an opposite one.
     oriented: bool,
+    run: Run,
+    visits: Cell<u64>,
 }
 
 impl AabbTree {
-    pub(super) fn new(positions: &[Point3<f64>], triangles: &[[u32; 3]]) -> Self {
+    pub(super) fn new(positions: &[Point3<f64>], triangles: &[[u32; 3]], run: &Run) -> Self {
         let corners_of = |t: &[u32; 3]| t.map(|v| positions[v as usize]);
         let tree = BoxTree::of_triangles(triangles.iter().map(corners_of));
         let corners: Vec<_> = tree.order().iter().map(|t| corners_of(&triangles[*t as usize])).collect();
@@ -30,7 +44,18 @@ impl AabbTree {
             tree,
             corners,
             oriented: caps::boundary(triangles).is_empty(),
+            run: run.silent(),
+            visits: Cell::new(0),
         }
+    }
+
+    /// Whether queries have visited so many triangles that refinements should end.
+    pub(super) fn is_exhausted(&self) -> bool {
+        self.visits.get() >= MAX_VISITS
+    }
+
+    fn count(&self, items: &Range<usize>) {
+        self.visits.set(self.visits.get() + items.len() as u64);
     }
 
     /// The point of the surface nearest to `p`.
@@ -45,8 +70,12 @@ impl AabbTree {
     }
 
     fn near(&self, p: &Point3<f64>, mut best: (Point3<f64>, f64)) -> (Point3<f64>, f64) {
+        if self.run.check().is_err() {
+            return best;
+        }
         // Points as far as the best are not improvements.
         self.tree.near(p, best.1.next_down(), |items| {
+            self.count(&items);
             for (corners, normal) in self.corners[items.clone()].iter().zip(&self.normals[items]) {
                 // The distance to the plane bounds that to the triangle from below.
                 if normal.dot(&(p - corners[0])).powi(2) >= best.1 {
@@ -104,7 +133,11 @@ impl AabbTree {
     /// Calls `meet` for intersections up to the parameter `until`, near boxes first, with whether the ray exits there; it returns the
     /// parameter up to which further intersections matter.
     fn along(&self, ray: &Ray, mut until: f64, meet: &mut impl FnMut(f64, bool) -> f64) {
+        if self.run.check().is_err() {
+            return;
+        }
         self.tree.along(ray, until, |items| {
+            self.count(&items);
             for [a, b, c] in &self.corners[items] {
                 let met = ray_crosses_triangle(ray, a, &(b - a), &(c - a))
                     .filter(|m| m.is_inside(0.0) && m.t > 0.0 && m.t <= until);
@@ -125,7 +158,7 @@ mod tests {
     #[test]
     fn queries_agree_with_brute_force() {
         let mesh = shapes::holed_torus(2, 8);
-        let tree = AabbTree::new(mesh.positions(), mesh.triangles());
+        let tree = AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
         for k in 0..100 {
             let k = f64::from(k);
             let p = Point3::new((k * 0.37).sin() * 2.0, (k * 0.73).cos(), (k * 1.31).sin() * 0.5);
@@ -150,7 +183,7 @@ mod tests {
     #[test]
     fn points_inside_are_inside() {
         let mesh = shapes::icosphere(3);
-        let tree = AabbTree::new(mesh.positions(), mesh.triangles());
+        let tree = AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
         assert!(tree.encloses(&Point3::new(0.1, 0.2, 0.3)) && tree.encloses(&Point3::new(0.0, 0.0, 0.98)));
         assert!(!tree.encloses(&Point3::new(0.0, 1.01, 0.0)) && !tree.encloses(&Point3::new(5.0, 0.0, 0.0)));
     }
@@ -164,10 +197,10 @@ mod tests {
         let other = ball.triangles().iter().map(|t| t.map(|v| v + n));
         let mut triangles: Vec<[u32; 3]> = ball.triangles().iter().copied().chain(other).collect();
         let (shared, own) = (Point3::new(0.5, 0.01, 0.02), Point3::new(-0.5, 0.01, 0.02));
-        let tree = AabbTree::new(&positions, &triangles);
+        let tree = AabbTree::new(&positions, &triangles, &Run::default());
         assert!(tree.encloses(&shared) && tree.encloses(&own));
         triangles[0].swap(0, 1);
-        let tree = AabbTree::new(&positions, &triangles);
+        let tree = AabbTree::new(&positions, &triangles, &Run::default());
         assert!(!tree.encloses(&shared) && tree.encloses(&own));
     }
 }

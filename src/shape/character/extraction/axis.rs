@@ -37,6 +37,9 @@ pub(super) fn settle(graph: &mut CurveGraph, tree: &AabbTree, run: &Run) -> Resu
     let mut round: Vec<(u32, Point3<f64>)> = between_two.filter_map(|v| Some((*v, feet[*v as usize]?))).collect();
     for _ in 0..PASSES {
         run.check()?;
+        if tree.is_exhausted() {
+            break;
+        }
         let mut steps = vec![Vector3::zeros(); graph.nodes.len()];
         // Nodes that are not on round limbs in the first pass are skipped in later ones.
         round.retain_mut(|(v, foot)| {

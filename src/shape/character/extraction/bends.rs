@@ -16,7 +16,7 @@ const PASSES: usize = 10;
 /// Smooths all sharp bends, except at junctions and pinned nodes.
 pub(super) fn round_off(graph: &mut CurveGraph, tree: &AabbTree) {
     let inner: Vec<u32> = graph.alive().filter(|v| graph.degree(*v) == 2 && !graph.pinned[*v as usize]).collect();
-    for _ in 0..PASSES {
+    for _ in (0..PASSES).take_while(|_| !tree.is_exhausted()) {
         for &v in &inner {
             round(graph, tree, v);
         }

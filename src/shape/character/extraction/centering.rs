@@ -83,6 +83,9 @@ pub(super) fn center(
     let mut feet: Vec<Option<Foot>> = vec![None; graph.nodes.len()];
     for pass in 0..passes {
         run.check()?;
+        if tree.is_exhausted() {
+            break;
+        }
         let share = 1.0 / (1.0 + STEP_DAMPING * pass as f64);
         let mut radii = vec![0.0; graph.nodes.len()];
         let mut steps = vec![Vector3::zeros(); graph.nodes.len()];
@@ -134,7 +137,7 @@ pub(super) fn keep_inside(graph: &mut CurveGraph, tree: &AabbTree) {
     bring_nodes_in(graph, tree);
     let joined = |v: u32| graph.neighbors(v).iter().filter(move |u| v < **u).map(move |u| (v, *u, MAX_SPLITS));
     let mut edges: Vec<(u32, u32, usize)> = graph.alive().flat_map(joined).collect();
-    while let Some((a, b, splits)) = edges.pop() {
+    while let Some((a, b, splits)) = edges.pop().filter(|_| !tree.is_exhausted()) {
         let (p, q) = (graph.nodes[a as usize], graph.nodes[b as usize]);
         let outside = outside(tree, &p, &q).filter(|_| splits > 0);
         if let Some(inside) = outside.and_then(|position| detour_around(tree, &p, &q, &position)) {
@@ -156,7 +159,7 @@ fn outside(tree: &AabbTree, p: &Point3<f64>, q: &Point3<f64>) -> Option<Point3<f
         if !tree.encloses(&position) {
             return Some(position);
         }
-        if enters >= 1.0 {
+        if enters >= 1.0 || tree.is_exhausted() {
             return None;
         }
         leaves = enters;

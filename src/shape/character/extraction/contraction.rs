@@ -55,6 +55,10 @@ const MAX_ATTRACTION_RATIO: f64 = 1e6;
 /// Weight of pinned vertices relative to others.
 const PIN_WEIGHT: f64 = 1e6;
 
+/// Largest number of multiplications of a factorization: about a second. Six thousand vertices of which each is near each other, as where
+/// hundreds of sheets meet, would take seventy billion. Such a surface is not contracted further.
+const MAX_MULTIPLICATIONS: f64 = 5e9;
+
 /// Distance from the nearest neighbor, in lengths of the longest edge before, at which a vertex has escaped. At 1 tips that move along a limb
 /// are called back.
 const MAX_ESCAPE_RATIO: f64 = 3.0;
@@ -108,6 +112,10 @@ impl<'o> Contraction<'o> {
             Some(system) => system,
             None => NormalEquations::analyze(&self.complex)?,
         };
+        if system.multiplications() > MAX_MULTIPLICATIONS {
+            self.system = Some(system);
+            return Ok(());
+        }
         let n = system.vertices.len();
         let mean = system.vertices.iter().map(|v| self.mass[*v as usize]).sum::<f64>() / n as f64;
         let w = self.options;
@@ -123,7 +131,7 @@ impl<'o> Contraction<'o> {
             strength * self.radii[*v as usize].powi(2) / (m * mean).sqrt()
         };
         let rows: Vec<f64> = system.vertices.iter().map(row).collect();
-        let (mut diagonal, mut rhs) = (vec![0.0; n], vec![0.0; 3 * n]);
+        let (mut diagonal, mut rhs, mut before) = (vec![0.0; n], vec![0.0; 3 * n], vec![0.0; 3 * n]);
         for (i, &v) in system.vertices.iter().enumerate() {
             let v = v as usize;
             let m = (self.mass[v] / mean).max(1e-6);
@@ -137,10 +145,15 @@ impl<'o> Contraction<'o> {
             diagonal[i] = weight;
             for k in 0..3 {
                 rhs[k * n + i] = wanted[k];
+                before[k * n + i] = x[k];
             }
         }
         system.set(&self.complex, &rows, &diagonal);
-        system.solve_in_place(&mut rhs, run)?;
+        if !system.solve_in_place(&mut rhs, &before, run)? {
+            // The surface stays as it is: no area is lost, and the contraction ends.
+            self.system = Some(system);
+            return Ok(());
+        }
         let mut moved = self.complex.positions.clone();
         for (i, &v) in system.vertices.iter().enumerate() {
             let position = Vector3::new(rhs[i], rhs[n + i], rhs[2 * n + i]);

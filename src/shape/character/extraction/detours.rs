@@ -33,7 +33,7 @@ const MIN_RADIUS: f64 = 1e-3;
 pub(super) fn cut(graph: &mut CurveGraph, tree: &AabbTree, radii: &[f64], run: &Run) -> Result<(), Stopped> {
     for branch in graph.branches() {
         run.check()?;
-        let kept = shortest(graph, tree, radii, &branch);
+        let kept = shortest(graph, tree, radii, &branch, run)?;
         for pair in kept.windows(2) {
             bridge(graph, &branch[pair[0]..=pair[1]]);
         }
@@ -50,20 +50,33 @@ fn bridge(graph: &mut CurveGraph, row: &[u32]) {
 }
 
 /// Indices in a branch of the nodes on the cheapest path along it.
-fn shortest(graph: &CurveGraph, tree: &AabbTree, radii: &[f64], branch: &Branch) -> Vec<usize> {
+fn shortest(
+    graph: &CurveGraph,
+    tree: &AabbTree,
+    radii: &[f64],
+    branch: &Branch,
+    run: &Run,
+) -> Result<Vec<usize>, Stopped> {
     let positions: Vec<Point3<f64>> = branch.iter().map(|v| graph.nodes[*v as usize]).collect();
     let radii: Vec<f64> = branch.iter().map(|v| radii[*v as usize].max(MIN_RADIUS)).collect();
     let mut length = vec![0.0; positions.len()];
     let mut cost = vec![0.0; positions.len()];
     let mut before: Vec<usize> = (0..positions.len()).map(|j| j.saturating_sub(1)).collect();
+    // Number of pinned nodes before each.
+    let pinned = |sum: &mut usize, v: &u32| {
+        *sum += usize::from(graph.pinned[*v as usize]);
+        Some(*sum)
+    };
+    let pinned: Vec<usize> = std::iter::once(0).chain(branch.iter().scan(0, pinned)).collect();
     for j in 1..positions.len() {
+        run.check()?;
         let step = nalgebra::distance(&positions[j - 1], &positions[j]);
         length[j] = length[j - 1] + step;
         cost[j] = cost[j - 1] + 0.5 * step * (1.0 / radii[j - 1] + 1.0 / radii[j]);
         for i in 0..j.saturating_sub(1) {
             let direct = MIN_GAIN * nalgebra::distance(&positions[i], &positions[j]);
-            let fixed = branch[i + 1..j].iter().any(|v| graph.pinned[*v as usize]);
-            if fixed || branch[i] == branch[j] || length[j] - length[i] <= direct {
+            let fixed = pinned[j] > pinned[i + 1];
+            if fixed || branch[i] == branch[j] || length[j] - length[i] <= direct || tree.is_exhausted() {
                 continue;
             }
             let line =
@@ -79,7 +92,7 @@ fn shortest(graph: &CurveGraph, tree: &AabbTree, radii: &[f64], branch: &Branch)
         kept.push(before[j]);
     }
     kept.reverse();
-    kept
+    Ok(kept)
 }
 
 /// Cost of a segment; infinite if it leaves the inside or if a skipped node is not covered by the balls along it.

@@ -21,6 +21,10 @@ const FIXED_MASS: f64 = 1e6;
 /// Lower bound of edge lengths: bounds the weights.
 const MIN_LENGTH: f64 = 1e-3;
 
+/// Upper bound of the smoothing weights: keeps the system well conditioned. Weights are at most 10⁶ where the shape is as wide as the
+/// sphere of equal area.
+const MAX_WEIGHT: f64 = 1e8;
+
 /// The factored system of a curve.
 pub(super) struct Fairing {
     number: Vec<u32>,
@@ -46,7 +50,7 @@ impl Fairing {
         let masses: Vec<f64> = alive.iter().map(|v| if fixed(*v) { FIXED_MASS } else { 1.0 }).collect();
         let weighted = edges().map(|(a, b)| {
             let r = 0.5 * (radii[a as usize] + radii[b as usize]);
-            (slot(a), slot(b), (share * r / graph.length(a, b).max(MIN_LENGTH)).powi(2))
+            (slot(a), slot(b), (share * r / graph.length(a, b).max(MIN_LENGTH)).powi(2).min(MAX_WEIGHT))
         });
         let terms = masses.iter().enumerate().map(|(i, mass)| (i, i, *mass)).chain(weighted);
         let at = alive.iter().map(|v| graph.nodes[*v as usize].coords.into()).collect();

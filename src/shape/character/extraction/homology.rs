@@ -24,6 +24,7 @@ use std::f64::consts::PI;
 use nalgebra::{DMatrix, Point3, Vector3};
 
 use super::complex::{Collapse, Complex, NONE};
+use plumbline_num::run::Run;
 
 /// `ω` of a half-edge: pairs of `k` and multiplicity.
 type Form = Vec<(u32, i32)>;
@@ -52,8 +53,8 @@ pub(super) struct Classes {
 
 impl Classes {
     /// The classes of a surface before further collapses. `None` if it is not closed, oriented and connected, or if linking numbers are
-    /// undefined.
-    pub(super) fn new(complex: &Complex) -> Option<Self> {
+    /// undefined, or once the run has ended.
+    pub(super) fn new(complex: &Complex, run: &Run) -> Option<Self> {
         let surface = Surface::new(complex)?;
         if surface.genus == 0 {
             return Some(Self::default());
@@ -62,7 +63,7 @@ impl Classes {
             return None;
         }
         let (forms, loops) = surface.forms_and_loops();
-        let linking = surface.linking(&loops)?;
+        let linking = surface.linking(&loops, run)?;
         let columns = independent_columns(&linking);
         if columns.len() != surface.genus {
             return None;
@@ -294,7 +295,7 @@ impl<'c> Surface<'c> {
     }
 
     /// Linking numbers of each loop with each offset loop, including its own; `None` if they are not integers.
-    fn linking(&self, loops: &[Vec<u32>]) -> Option<DMatrix<f64>> {
+    fn linking(&self, loops: &[Vec<u32>], run: &Run) -> Option<DMatrix<f64>> {
         let mut normals = vec![Vector3::zeros(); self.complex.positions.len()];
         let (mut length, mut count) = (0.0, 0.0);
         for t in self.complex.faces() {
@@ -314,6 +315,7 @@ impl<'c> Surface<'c> {
         let mut linking = DMatrix::zeros(loops.len(), loops.len());
         for (k, a) in on.iter().enumerate() {
             for (j, b) in off.iter().enumerate() {
+                run.check().ok()?;
                 let number = linking_number(a, b);
                 if !((number - number.round()).abs() < 0.1) {
                     return None;

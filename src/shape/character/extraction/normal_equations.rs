@@ -5,6 +5,9 @@
 //! `A = Lᵀ W² L + D`,   `Lᵢⱼ = wᵢⱼ = ½ (cot αᵢⱼ + cot βᵢⱼ)`,   `Lᵢᵢ = −Σⱼ wᵢⱼ`,
 //!
 //! couples each vertex with its two-ring. Column `j` of the product is the sum of the rows of `L` around `j`, each times its entry at `j`.
+//!
+//! The row of a hub, a vertex with hundreds of neighbors, would couple all of them with each other, and memory would grow with the square of
+//! their number: such rows have the weight 0.
 
 use std::sync::Arc;
 
@@ -13,11 +16,15 @@ use nalgebra::Point3;
 use super::complex::{Complex, NONE};
 use crate::character::CharacterError;
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseMatrix};
+use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseError, SparseMatrix};
 
 /// Bound of cotangents, reached by slivers about to collapse: larger ones cost the factorization its digits; much smaller ones let the tips
 /// of limbs shrink (at 10 fingers lose half their length).
 const MAX_COTANGENT: f64 = 1e3;
+
+/// Number of neighbors above which a vertex is a hub. Reduced surfaces have at most about twenty; with this bound six thousand vertices have at
+/// most six million entries.
+const MAX_VALENCE: usize = 300;
 
 /// The normal equations for one connectivity.
 pub(super) struct NormalEquations {
@@ -61,6 +68,9 @@ impl NormalEquations {
         let pattern = Arc::clone(self.matrix.pattern());
         for j in 0..n {
             let mut add_row = |i: usize, entry: f64| {
+                if rings.is_hub(i) {
+                    return;
+                }
                 let scaled = entry * w[i] * w[i];
                 column[i] -= scaled * sums[i];
                 for (k, weight) in rings.around(i) {
@@ -76,9 +86,16 @@ impl NormalEquations {
             column[j] = 0.0;
             for (i, _) in rings.around(j) {
                 column[i] = 0.0;
-                rings.around(i).for_each(|(k, _)| column[k] = 0.0);
+                if !rings.is_hub(i) {
+                    rings.around(i).for_each(|(k, _)| column[k] = 0.0);
+                }
             }
         }
+    }
+
+    /// Multiplications of the factorization.
+    pub(super) fn multiplications(&self) -> f64 {
+        self.factor.flops()
     }
 
     /// The one-ring of an unknown.
@@ -86,11 +103,33 @@ impl NormalEquations {
         self.rings.around(i).map(|(j, _)| j)
     }
 
-    /// Factors and solves for three concatenated right-hand sides.
-    pub(super) fn solve_in_place(&mut self, rhs: &mut [f64], run: &Run) -> Result<(), CharacterError> {
-        self.factor.factor(&self.matrix, run)?;
-        self.factor.solve_in_place(rhs);
-        Ok(())
+    /// Factors and solves for three concatenated right-hand sides, those of `x` before. Where the digits do not suffice for `A`, a proximal
+    /// term pulls the solution toward `x`: `A + δ diag A`, with `δ diag A · x` on the right-hand side. Whether there is a solution.
+    pub(super) fn solve_in_place(&mut self, rhs: &mut [f64], x: &[f64], run: &Run) -> Result<bool, CharacterError> {
+        let diagonal: Vec<(usize, f64)> = {
+            let entries = self.matrix.pattern().entries().filter(|(i, j, _)| i == j);
+            entries.map(|(.., slot)| (slot, self.matrix.values()[slot])).collect()
+        };
+        for delta in [0.0, 1e-10, 1e-7, 1e-4] {
+            for &(slot, value) in &diagonal {
+                self.matrix.values_mut()[slot] = value * (1.0 + delta);
+            }
+            match self.factor.factor(&self.matrix, run) {
+                Ok(()) => {
+                    let (n, terms) = (diagonal.len(), diagonal.iter().cycle());
+                    debug_assert_eq!(3 * n, rhs.len());
+                    if delta > 0.0 {
+                        rhs.iter_mut().zip(x).zip(terms).for_each(|((b, x), (_, value))| *b += delta * value * x);
+                    }
+                    self.factor.solve_in_place(rhs);
+                    return Ok(true);
+                }
+                Err(SparseError::Singular { .. } | SparseError::NotPositiveDefinite { .. }) => {}
+                Err(SparseError::NotFinite { .. }) => return Ok(false),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(false)
     }
 }
 
@@ -110,14 +149,20 @@ impl Rings {
         self.to[range.clone()].iter().zip(&self.weights[range]).map(|(j, w)| (*j as usize, *w))
     }
 
-    /// Pairs of distinct unknowns within two edges, each once.
+    /// Whether a vertex has too many neighbors for a row.
+    fn is_hub(&self, i: usize) -> bool {
+        self.starts[i + 1] - self.starts[i] > MAX_VALENCE
+    }
+
+    /// Pairs of distinct unknowns within two edges, each once; two edges that meet at a hub do not count.
     fn pairs(&self) -> Vec<(usize, usize)> {
         let n = self.starts.len() - 1;
         let mut pairs = Vec::with_capacity(10 * n);
         let mut seen_from = vec![usize::MAX; n];
         for j in 0..n {
             for (i, _) in self.around(j) {
-                for k in std::iter::once(i).chain(self.around(i).map(|(k, _)| k)) {
+                let beyond = self.around(i).map(|(k, _)| k).filter(|_| !self.is_hub(i));
+                for k in std::iter::once(i).chain(beyond) {
                     if k > j && seen_from[k] != j {
                         seen_from[k] = j;
                         pairs.push((j, k));
@@ -206,7 +251,7 @@ mod tests {
             .chunks(n)
             .flat_map(|x| (&wanted * nalgebra::DVector::from_row_slice(x)).as_slice().to_vec())
             .collect::<Vec<f64>>();
-        system.solve_in_place(&mut rhs, &Run::default()).unwrap();
+        assert!(system.solve_in_place(&mut rhs, &x, &Run::default()).unwrap());
         assert!(rhs.iter().zip(&x).all(|(found, x)| (found - x).abs() < 1e-10));
     }
 }

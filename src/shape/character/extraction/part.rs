@@ -35,6 +35,9 @@ const MIN_EDGE_SIZE: f64 = 1e-12;
 const MIN_REDUCTION_RADIUS: f64 = 0.01;
 /// Smallest number of contracted vertices: coarser surfaces are subdivided.
 const MIN_VERTICES: usize = 1500;
+/// Number of vertices to which all components together are subdivided: 32 components in full. Beyond, the work would not depend on the
+/// size of the input but on the number of its components.
+const MAX_SUBDIVIDED: usize = 32 * MIN_VERTICES;
 /// Smallest number of triangles; components with fewer become a point.
 const MIN_TRIANGLES: usize = 4;
 /// Smallest persistence of tips kept on request, in radii of the sphere of equal area.
@@ -54,6 +57,9 @@ const MIN_RADIUS: f64 = 0.02;
 const MIN_TIP_DEPTH: f64 = 0.01;
 /// Node spacing, in radii of the sphere of equal area.
 const SPACING: f64 = 0.04;
+/// About the largest number of nodes of a curve; longer curves get a larger spacing. A horse has 300; a tube needs more where it is more
+/// than three thousand times as long as wide. Visibility takes the time of vertices times nodes, detours that of the square of nodes.
+const MAX_NODES: f64 = 2000.0;
 /// Largest radius of a medial ball: twice that of the sphere of equal area.
 const MAX_BALL_RADIUS: f64 = 2.0;
 /// Centering passes before and after pruning.
@@ -69,6 +75,10 @@ pub(super) struct Found {
     pub(super) iterations: usize,
     /// Handles of the closed surface.
     pub(super) handles: usize,
+    /// Factor by which the nodes are farther apart than usual.
+    pub(super) spacing: f64,
+    /// Whether the curve was refined to the end.
+    pub(super) refined: bool,
 }
 
 /// Extracts the curve of component `which.0` of `which.1`.
@@ -90,7 +100,7 @@ pub(super) fn extract(
     if !parts::is_closed(&surface) {
         let reversed = inside_out(&surface);
         let solid =
-            [&surface, &reversed].into_iter().find(|s| sheet::is_solid(s, &s.vertex_normals())).map(caps::closed);
+            [&surface, &reversed].into_iter().find(|s| sheet::is_solid(s, &s.vertex_normals(), run)).map(caps::closed);
         if let Some(solid) = solid {
             surface = solid;
         } else if let Some((thick, sources)) = sheet::thickened(&surface) {
@@ -98,11 +108,11 @@ pub(super) fn extract(
         }
     }
     run.check()?;
-    let tree = AabbTree::new(surface.positions(), surface.triangles());
+    let tree = AabbTree::new(surface.positions(), surface.triangles(), run);
     let (handles, closed) = (parts::handles(&surface).unwrap_or(0), parts::is_closed(&surface));
     run.check()?;
     // 2. Subdivide coarse surfaces, pin requested vertices, reduce fine ones.
-    let fine = divided(&surface);
+    let fine = divided(&surface, MIN_VERTICES.min(MAX_SUBDIVIDED / which.1));
     let normals = fine.vertex_normals();
     let mut pinned = vec![false; fine.vertex_count()];
     if let Keep::Vertices(all) = &options.keep {
@@ -126,13 +136,22 @@ pub(super) fn extract(
         run,
     )?;
     run.check()?;
+    let left = complex.alive_count();
+    if left > MAX_BALLS {
+        return Err(CharacterError::Input(format!(
+            "a component of {} triangles cannot be simplified to fewer than {left} vertices, and at most {MAX_BALLS} can be contracted: too \
+             many of its triangles meet at vertices without forming a surface; remesh it, or leave it out",
+            part.mesh.triangle_count()
+        )));
+    }
     // 3. Tips and homology classes, then the curve.
     let tips = Tips::of(&complex, &balls, &options.keep);
     for v in &tips.kept {
         pinned[*v as usize] = true;
     }
     run.check()?;
-    let classes = Classes::new(&complex).unwrap_or_default();
+    let classes = Classes::new(&complex, run).unwrap_or_default();
+    run.check()?;
     complex.collapses.clear();
     let job = Job {
         options,
@@ -147,7 +166,7 @@ pub(super) fn extract(
         pinned: &pinned,
         run,
     };
-    let (graph, iterations) = job.curve(complex, classes, &tips, observer)?;
+    let (graph, iterations, spacing) = job.curve(complex, classes, &tips, observer)?;
     run.check()?;
     // 4. Back to the model: nodes of vertices, connected regions.
     let mut curve = of_model(&graph, &job.tree, &frame);
@@ -156,7 +175,7 @@ pub(super) fn extract(
     over.iter().zip(&curve.node_of_vertex).rev().for_each(|(v, node)| node_of_vertex[*v as usize] = *node);
     whole_regions(&part.mesh, &mut node_of_vertex);
     curve.node_of_vertex = node_of_vertex;
-    Ok(Found { curve, iterations, handles })
+    Ok(Found { curve, iterations, handles, spacing: spacing / SPACING, refined: !job.tree.is_exhausted() })
 }
 
 /// Vertices that are tips of the curve.
@@ -213,14 +232,14 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// The curve of the surface, with branches to the `tips`, and the number of iterations.
+    /// The curve of the surface, with branches to the `tips`, the number of iterations, and the node spacing.
     fn curve(
         &self,
         complex: Complex,
         mut classes: Classes,
         tips: &Tips,
         observer: &mut Observer<'_>,
-    ) -> Result<(CurveGraph, usize), CharacterError> {
+    ) -> Result<(CurveGraph, usize, f64), CharacterError> {
         let mut pinned = self.pinned.to_vec();
         for v in &tips.fixed {
             pinned[*v as usize] = true;
@@ -240,7 +259,9 @@ impl Job<'_> {
         };
         let ends: Vec<(u32, Point3<f64>)> = tips.fixed.iter().chain(&tips.shown).map(end).collect();
         tips::end_at(&mut graph, &ends);
-        Ok((self.finished(&graph)?, iterations))
+        let length: f64 = graph.branches().iter().map(|branch| graph.branch_length(branch)).sum();
+        let spacing = SPACING.max(length / MAX_NODES);
+        Ok((self.finished(&graph, spacing)?, iterations, spacing))
     }
 
     /// Runs the contraction; returns the number of iterations.
@@ -277,25 +298,25 @@ impl Job<'_> {
     }
 
     /// Postprocessing: resampled, pruned, centered, visible from the surface.
-    fn finished(&self, graph: &CurveGraph) -> Result<CurveGraph, CharacterError> {
+    fn finished(&self, graph: &CurveGraph, spacing: f64) -> Result<CurveGraph, CharacterError> {
         let (tree, closed) = (&self.tree, self.closed);
-        let mut graph = resampling::resample(graph, SPACING);
+        let mut graph = resampling::resample(graph, spacing);
         centering::center(&mut graph, tree, closed, CENTERING_PASSES[0], self.run)?;
         self.run.check()?;
         tips::trim(&mut graph, tree, &|p| self.is_inside(p));
         if closed {
             tips::extend(&mut graph, tree);
         }
-        graph = resampling::resample(&graph, SPACING);
+        graph = resampling::resample(&graph, spacing);
         self.remove_insignificant_branches(&mut graph)?;
-        graph = resampling::resample(&graph, SPACING);
+        graph = resampling::resample(&graph, spacing);
         tips::extrapolate_ends(&mut graph, tree);
         centering::center(&mut graph, tree, closed, CENTERING_PASSES[1], self.run)?;
         self.run.check()?;
         tips::trim(&mut graph, tree, &|p| self.is_inside(p));
         tips::extrapolate_ends(&mut graph, tree);
         axis::settle(&mut graph, tree, self.run)?;
-        graph = resampling::resample(&graph, SPACING);
+        graph = resampling::resample(&graph, spacing);
         sight::draw(&mut graph, tree, self.points, self.run)?;
         self.run.check()?;
         if closed {
@@ -303,8 +324,8 @@ impl Job<'_> {
         }
         self.run.check()?;
         bends::round_off(&mut graph, tree);
-        resampling::thin(&mut graph, tree, SPACING);
-        Ok(graph)
+        resampling::thin(&mut graph, tree, spacing);
+        Ok(self.run.complete(graph)?)
     }
 
     /// Removes branches that are no limbs, and detours.
@@ -319,7 +340,7 @@ impl Job<'_> {
         pruning::join_junctions(graph, &radii, JUNCTION_MERGE_RADII, self.run)?;
         detours::cut(graph, tree, &radii, self.run)?;
         corner_branches::remove_rim_hooks(graph, &radii);
-        Ok(())
+        self.run.check()
     }
 
     /// Inside test; everything is inside a surface without an inside.
@@ -336,7 +357,7 @@ fn point(part: &Part) -> Found {
     let radius = all.iter().map(|p| nalgebra::distance(p, &middle)).fold(0.0, f64::max);
     let node_of_vertex = vec![0; all.len()];
     let curve = CurveSkeleton { nodes: vec![middle], edges: Vec::new(), radius: vec![radius], node_of_vertex };
-    Found { curve, ..Found::default() }
+    Found { curve, refined: true, ..Found::default() }
 }
 
 /// The surface with reversed orientation: an open surface may be inside out.
@@ -345,10 +366,10 @@ fn inside_out(surface: &TriMesh) -> TriMesh {
     TriMesh::new(surface.positions().to_vec(), reversed).expect("the same corners and positions")
 }
 
-/// Subdivides triangles into four until there are enough vertices. Vertices keep their indices.
-fn divided(surface: &TriMesh) -> TriMesh {
+/// Subdivides triangles into four until there are at least `least` vertices. Vertices keep their indices.
+fn divided(surface: &TriMesh, least: usize) -> TriMesh {
     let mut mesh = surface.clone();
-    while mesh.vertex_count() < MIN_VERTICES {
+    while mesh.vertex_count() < least {
         let mut positions = mesh.positions().to_vec();
         let mut middle = std::collections::HashMap::new();
         let mut triangles = Vec::with_capacity(4 * mesh.triangle_count());

@@ -35,9 +35,29 @@ pub(super) fn is_closed(mesh: &TriMesh) -> bool {
     edge_groups(mesh.triangles().as_flattened()).iter().all(|edge| edge.len().is_multiple_of(2))
 }
 
-/// Components in the order of their first vertices, and the repairs made.
-pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<(Vec<Part>, Vec<String>), Stopped> {
-    let repaired = repair(mesh, &RepairOptions::default(), run)?;
+/// Largest ratio of the areas of a speck and of the largest component: a speck is a hundredth as large, a quarter of the distance of
+/// the nodes, and would be a point between two of them. Each would cost as much as a limb: at a tenth of the area eyes are specks.
+const MAX_SPECK_AREA: f64 = 1e-4;
+
+/// The components of a surface, and what was left out.
+pub(super) struct Parts {
+    /// In the order of their first vertices.
+    pub(super) parts: Vec<Part>,
+    /// Repairs made, in words.
+    pub(super) repairs: Vec<String>,
+    pub(super) outliers: Vec<u32>,
+    pub(super) specks: usize,
+    pub(super) speck_vertices: usize,
+}
+
+/// The components of a surface without its outliers and specks.
+pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<Parts, Stopped> {
+    let outliers = mesh.outliers();
+    let repaired = if outliers.is_empty() {
+        repair(mesh, &RepairOptions::default(), run)?
+    } else {
+        repair(&mesh.without_triangles_at(&outliers), &RepairOptions::default(), run)?
+    };
     let mut number: HashMap<[u64; 3], u32> = HashMap::new();
     let mut positions = Vec::new();
     let key = |p: &nalgebra::Point3<f64>| -> [u64; 3] { p.coords.map(|c| (c + 0.0).to_bits()).into() };
@@ -78,7 +98,18 @@ pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<(Vec<Part>, Vec<String>), 
         let mesh = TriMesh::new(points, triangles).expect("corners exist and positions are those of a mesh");
         Part { mesh, sources }
     };
-    Ok((parts.into_iter().map(made).collect(), repaired.report.changes().collect()))
+    let mut parts: Vec<Part> = parts.into_iter().map(made).collect();
+    let repairs = repaired.report.changes().collect();
+    let areas: Vec<f64> = parts.iter().map(|part| part.mesh.area()).collect();
+    let largest = areas.iter().copied().fold(0.0, f64::max);
+    let (mut areas, before) = (areas.into_iter(), parts.len());
+    let mut speck_vertices = 0;
+    parts.retain(|part| {
+        let is_speck = areas.next().is_some_and(|area| area < MAX_SPECK_AREA * largest);
+        speck_vertices += if is_speck { part.mesh.vertex_count() } else { 0 };
+        !is_speck
+    });
+    Ok(Parts { specks: before - parts.len(), parts, repairs, outliers, speck_vertices })
 }
 
 #[cfg(test)]

@@ -11,6 +11,9 @@ use super::complex::Complex;
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
 
+/// Smallest number of queued edges at which outdated ones are removed: a hub queues all of its edges at every collapse.
+const MIN_CROWDED: usize = 1 << 20;
+
 /// Collapses edges shorter than `size` at either end, and further ones until at most `most` vertices remain, if possible.
 pub(super) fn reduce(
     complex: &mut Complex,
@@ -30,6 +33,7 @@ pub(super) fn reduce(
         complex.neighbors(a, &mut neighbors);
         heap.extend(neighbors.iter().filter(|b| a < **b).map(|b| Reverse((length(complex, a, *b), a, *b, 0, 0))));
     }
+    let mut crowded = heap.len().max(MIN_CROWDED);
     while let Some(Reverse((cost, a, b, at_a, at_b))) = heap.pop() {
         run.check()?;
         if cost >= Cost::new(1.0) && complex.alive_count() <= most {
@@ -53,6 +57,12 @@ pub(super) fn reduce(
         for &u in &neighbors {
             let (a, b) = (kept.min(u), kept.max(u));
             heap.push(Reverse((length(complex, a, b), a, b, version[a as usize], version[b as usize])));
+        }
+        if heap.len() > crowded {
+            heap.retain(|Reverse((_, a, b, at_a, at_b))| {
+                version[*a as usize] == *at_a && version[*b as usize] == *at_b
+            });
+            crowded = MIN_CROWDED.max(2 * heap.len());
         }
     }
     Ok(())

@@ -17,6 +17,7 @@ use std::collections::HashMap;
 use nalgebra::{Point3, Vector3};
 
 use crate::mesh::TriMesh;
+use plumbline_num::run::Run;
 use plumbline_num::spatial::UnionFind;
 
 /// Half the thickness of a sheet, in radii of the sphere of equal area (2.5 node spacings).
@@ -28,11 +29,14 @@ const SAMPLE_OFFSET: f64 = 0.02;
 /// Smallest mean winding number of a solid: midway between a plane and a closed surface.
 const MIN_SOLID_WINDING: f64 = 0.75;
 
-/// Whether an open surface bounds a volume.
-pub(super) fn is_solid(surface: &TriMesh, normals: &[Vector3<f64>]) -> bool {
+/// Whether an open surface bounds a volume; meaningless once the run has ended.
+pub(super) fn is_solid(surface: &TriMesh, normals: &[Vector3<f64>], run: &Run) -> bool {
     let every = surface.vertex_count().div_ceil(SAMPLES).max(1);
     let asked = surface.positions().iter().zip(normals).step_by(every).filter(|(_, n)| n.norm() > 0.5);
-    let numbers: Vec<f64> = asked.map(|(p, n)| winding_number(surface, &(p - n * SAMPLE_OFFSET))).collect();
+    let numbers: Vec<f64> = asked
+        .take_while(|_| run.check().is_ok())
+        .map(|(p, n)| winding_number(surface, &(p - n * SAMPLE_OFFSET)))
+        .collect();
     numbers.iter().sum::<f64>() >= MIN_SOLID_WINDING * numbers.len() as f64
 }
 

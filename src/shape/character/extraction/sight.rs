@@ -13,7 +13,7 @@ use super::curve_graph::CurveGraph;
 use super::fairing::Fairing;
 use super::order::Cost;
 use crate::character::CharacterError;
-use plumbline_num::run::Run;
+use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::KdTree;
 
 /// Number of passes.
@@ -42,13 +42,16 @@ pub(super) fn draw(
     let mut hidden = positions.to_vec();
     for pass in 0..PASSES {
         run.check()?;
+        if tree.is_exhausted() {
+            break;
+        }
         if pass == PASSES / 2 {
             // Moved nodes may hide others: check all points again.
             hidden = positions.to_vec();
         }
         let clear: Vec<f64> =
             (0..radii.len()).map(|v| radii[v] - nalgebra::distance(&graph.nodes[v], &middle[v])).collect();
-        let Some(mut steps) = steps(graph, tree, (&alive, &clear), &mut hidden) else { break };
+        let Some(mut steps) = steps(graph, tree, (&alive, &clear), &mut hidden, run)? else { break };
         Fairing::new(graph, &alive, &radii, STEP_SMOOTHING_RADII, |_| false, run)?.apply(&mut steps);
         let free = |v: &u32| !graph.pinned[*v as usize] && graph.degree(*v) > 1;
         let free: Vec<usize> = alive.iter().filter(|v| free(v)).map(|v| *v as usize).collect();
@@ -75,7 +78,8 @@ fn steps(
     tree: &AabbTree,
     (alive, clear): (&[u32], &[f64]),
     positions: &mut Vec<Point3<f64>>,
-) -> Option<Vec<Vector3<f64>>> {
+    run: &Run,
+) -> Result<Option<Vec<Vector3<f64>>>, Stopped> {
     let nodes: Vec<Point3<f64>> = alive.iter().map(|v| graph.nodes[*v as usize]).collect();
     let sees = |p: &Point3<f64>, node: usize| sees(tree, p, &nodes[node], clear[alive[node] as usize]);
     let near = KdTree::new(&nodes);
@@ -83,7 +87,7 @@ fn steps(
     let mut any = false;
     positions.retain(|p| {
         let Some((s, square)) = near.nearest(p, |_| true) else { return false };
-        if sees(p, s as usize) {
+        if tree.is_exhausted() || run.check().is_err() || sees(p, s as usize) {
             return false;
         }
         let hidden = square.sqrt();
@@ -97,7 +101,7 @@ fn steps(
         }
         true
     });
-    any.then_some(steps)
+    run.complete(any.then_some(steps))
 }
 
 /// The nearest node visible from `p`, within twice the distance of the hidden one.

@@ -34,6 +34,13 @@ const SHAPE: f64 = 1.0;
 /// Weight of the sampling term, as in the paper.
 const SAMPLING: f64 = 0.1;
 
+/// Smallest number of queued collapses at which outdated ones are removed: 30 MB. Every collapse into a vertex queues all of its edges again;
+/// a hub of six thousand edges would queue tens of millions.
+const MIN_CROWDED: usize = 1 << 20;
+/// Largest number of pairs of vertex and class that searches for bounding loops visit, together: about ten seconds. A surface with twenty
+/// handles visits a million. Loops that are found no more stay in the curve.
+const MAX_VISITS: usize = 20_000_000;
+
 /// An edge at a vertex.
 #[derive(Clone, Copy, Debug)]
 struct Spoke {
@@ -53,6 +60,10 @@ struct Surgery<'c> {
     pinned: &'c [bool],
     classes: &'c mut Classes,
     heap: BinaryHeap<Reverse<Collapse>>,
+    /// Number of queued collapses at which outdated ones are removed.
+    crowded: usize,
+    /// Visits left to searches for bounding loops.
+    visits: usize,
 }
 
 /// The curve that is left if all triangles of a complex collapse.
@@ -94,6 +105,8 @@ impl<'c> Surgery<'c> {
             pinned,
             classes,
             heap: BinaryHeap::new(),
+            crowded: MIN_CROWDED,
+            visits: MAX_VISITS,
         };
         for v in 0..n {
             this.quadrics[v] = this.spokes[v].iter().map(|s| this.line_quadric(v as u32, s.to)).sum();
@@ -112,11 +125,16 @@ impl<'c> Surgery<'c> {
         k.transpose() * k
     }
 
-    fn cost(&self, i: u32, j: u32) -> f64 {
+    /// Sum of the lengths of the edges at a vertex.
+    fn around(&self, i: u32) -> f64 {
+        self.spokes[i as usize].iter().map(|s| self.length(i, s.to)).sum()
+    }
+
+    /// Cost of the collapse of `i` into `j`, with the sum of the lengths of the edges at `i`.
+    fn cost(&self, i: u32, j: u32, around: f64) -> f64 {
         let p = self.complex.positions[j as usize];
         let h = Vector4::new(p.x, p.y, p.z, 1.0);
         let quadric = self.quadrics[i as usize] + self.quadrics[j as usize];
-        let around: f64 = self.spokes[i as usize].iter().map(|s| self.length(i, s.to)).sum();
         SHAPE * h.dot(&(quadric * h)).max(0.0) + SAMPLING * self.length(i, j) * around
     }
 
@@ -126,14 +144,24 @@ impl<'c> Surgery<'c> {
 
     /// Pushes all collapses of edges at `v`.
     fn offer(&mut self, v: u32) {
+        let around = self.around(v);
         for k in 0..self.spokes[v as usize].len() {
             let u = self.spokes[v as usize][k].to;
             for (i, j) in [(v, u), (u, v)] {
                 if !self.pinned[i as usize] {
-                    let entry = (Cost::new(self.cost(i, j)), i, j, self.version[i as usize], self.version[j as usize]);
+                    let around = if i == v { around } else { self.around(i) };
+                    let entry =
+                        (Cost::new(self.cost(i, j, around)), i, j, self.version[i as usize], self.version[j as usize]);
                     self.heap.push(Reverse(entry));
                 }
             }
+        }
+        if self.heap.len() >= self.crowded {
+            let version = &self.version;
+            self.heap.retain(|Reverse((_, i, j, at_i, at_j))| {
+                version[*i as usize] == *at_i && version[*j as usize] == *at_j
+            });
+            self.crowded = MIN_CROWDED.max(2 * self.heap.len());
         }
     }
 
@@ -257,7 +285,8 @@ impl<'c> Surgery<'c> {
                 let next = (s.to, self.classes.sum(class, s.class));
                 let own = if at == v { s.to } else { branch };
                 match reached.get(&next) {
-                    None if reached.len() < 64 * self.spokes.len() => {
+                    None if reached.len() < 64 * self.spokes.len() && self.visits > 0 => {
+                        self.visits -= 1;
                         reached.insert(next, (at, class, own, depth + 1));
                         queue.push_back(next);
                     }

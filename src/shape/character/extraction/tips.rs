@@ -87,7 +87,7 @@ pub(super) fn extend(graph: &mut CurveGraph, tree: &AabbTree) {
         let start = graph.nodes[end as usize];
         let farthest = MAX_EXTRAPOLATION * radius(tree, &start);
         let (mut at, mut direction, mut last) = (start, first, end);
-        for _ in 0..MAX_STEPS {
+        for _ in (0..MAX_STEPS).take_while(|_| !tree.is_exhausted()) {
             let Some((next, redirected)) = step(tree, &at, &direction) else { break };
             if redirected.dot(&first) < MIN_DIRECTION_COSINE || nalgebra::distance(&next, &start) > farthest {
                 break;

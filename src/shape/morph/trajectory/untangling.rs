@@ -21,7 +21,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::MorphError;
 use super::super::elastic_solve::ElasticSolve;
-use super::super::intersections::{crossings, self_intersections};
+use super::super::intersections::{crossings, few_self_intersections};
 use super::Trajectory;
 use super::frames::opposite_edges;
 use crate::mesh::{TriMesh, neighbors_of_vertices};
@@ -30,6 +30,11 @@ use plumbline_num::spatial::numbered_components;
 
 /// Overshoot of a displacement past the plane as a fraction of the depth: without it contacts converge to the plane from inside.
 const OVERSHOOT: f64 = 0.1;
+
+/// Largest number of tests of two triangles in a shape, and the same for each triangle: a few seconds. Where each triangle is near each
+/// other nothing can be untangled.
+const MAX_TESTS: usize = 50_000_000;
+const MAX_TESTS_PER_TRIANGLE: usize = 1000;
 
 /// Widths of the patches around intersections, in rings, doubled for each trial.
 const RINGS: [usize; 5] = [2, 4, 8, 16, 32];
@@ -58,11 +63,13 @@ impl Trajectory {
         Ok((x, [before, pairs.len()]))
     }
 
-    /// Intersecting pairs of triangles of a shape, without those of both poses.
+    /// Intersecting pairs of triangles of a shape, without those of both poses. A shape has none where that would take too many tests.
     fn intersections(&self, x: &[Point3<f64>], run: &Run) -> Result<Vec<[u32; 2]>, Stopped> {
+        let most = MAX_TESTS.max(MAX_TESTS_PER_TRIANGLE * self.triangles.len());
         let all = |x: &[Point3<f64>]| {
             let mesh = TriMesh::new(x.to_vec(), self.triangles.clone());
-            mesh.map_or_else(|_| Ok(Vec::new()), |mesh| self_intersections(&mesh, run))
+            let pairs = mesh.map_or_else(|_| Ok(None), |mesh| few_self_intersections(&mesh, most, run));
+            Ok::<_, Stopped>(pairs?.unwrap_or_default())
         };
         let own = if let Some(own) = self.own_intersections.get() {
             own
@@ -214,6 +221,7 @@ mod tests {
 
     use super::*;
     use crate::mesh::shapes;
+    use crate::morph::intersections::self_intersections;
 
     #[test]
     fn a_tip_behind_a_triangle_and_the_triangle_are_moved_towards_each_other() {

@@ -18,6 +18,8 @@ use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::math::Lists;
+use plumbline_num::optim::lanczos::KnownVectors;
+use plumbline_num::run::Run;
 use plumbline_num::sparse::{Pattern, SparseError, SparseMatrix};
 use plumbline_num::spatial::numbered_components;
 
@@ -32,15 +34,20 @@ struct Cell {
 }
 
 /// `H` over the coordinates `3 v + k` of the vertices, symmetric, positive semidefinite; without unit.
-pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents) -> Result<SparseMatrix, SparseError> {
+pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents, run: &Run) -> Result<SparseMatrix, SparseError> {
     let cells = cells(mesh, cotangents);
-    let blocks = cells.iter().flat_map(|cell| pairs(&cell.vertices));
-    let entries = blocks.flat_map(|(a, b)| {
+    run.check()?;
+    let mut blocks: Vec<(u32, u32)> = cells.iter().flat_map(|cell| pairs(&cell.vertices)).collect();
+    run.check()?;
+    blocks.sort_unstable();
+    blocks.dedup();
+    run.check()?;
+    let entries = blocks.iter().flat_map(|&(a, b)| {
         (0..9).map(move |k| (3 * a as usize + k % 3, 3 * b as usize + k / 3)).filter(|(row, col)| row >= col)
     });
     let mut blocks: Vec<(usize, usize)> = entries.collect();
     blocks.sort_unstable();
-    blocks.dedup();
+    run.check()?;
     let mut h = SparseMatrix::zeros(Arc::new(Pattern::new(3 * mesh.vertex_count(), blocks)?));
     for (a, b, w) in cotangents.edges().flatten().filter(|(a, b, _)| a != b) {
         let spring = Matrix3::identity() * w;
@@ -49,6 +56,7 @@ pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents) -> Result<SparseM
         add(&mut h, a.max(b), a.min(b), &-spring);
     }
     for cell in &cells {
+        run.check()?;
         for (m, &a) in cell.vertices.iter().enumerate() {
             let left = cell.blocks[m].transpose() * cell.inverse / -3.0;
             for (n, &b) in cell.vertices.iter().enumerate().filter(|&(_, &b)| b <= a) {
@@ -110,7 +118,7 @@ fn pseudo_inverse(c: &Matrix3<f64>) -> Matrix3<f64> {
 
 /// Displacements of the six infinitesimal rigid motions of each connected component, not orthogonalized: translations, and
 /// rotations about the centroid of its vertices.
-pub(super) fn rigid_motions(mesh: &TriMesh) -> Vec<Vec<f64>> {
+pub(super) fn rigid_motions(mesh: &TriMesh) -> Vec<KnownVectors> {
     let (component, count) = numbered_components(mesh.vertex_count(), mesh.triangles());
     let mut centroids = vec![(Vector3::zeros(), 0.0); count];
     for (&c, p) in component.iter().zip(mesh.positions()) {
@@ -118,17 +126,16 @@ pub(super) fn rigid_motions(mesh: &TriMesh) -> Vec<Vec<f64>> {
         *sum += p.coords;
         *count += 1.0;
     }
-    let mut motions = vec![vec![0.0; 3 * component.len()]; 6 * count];
+    let mut motions = vec![KnownVectors { support: Vec::new(), vectors: vec![Vec::new(); 6] }; count];
     for (v, p) in mesh.positions().iter().enumerate() {
         let k = component[v] as usize;
         let arm = p.coords - centroids[k].0 / centroids[k].1;
         let mut both = Matrix6::zeros();
         both.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         both.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
-        for motion in 0..6 {
-            for row in 0..3 {
-                motions[6 * k + motion][3 * v + row] = both[(row, motion)];
-            }
+        motions[k].support.extend((0..3).map(|row| (3 * v + row) as u32));
+        for (motion, values) in motions[k].vectors.iter_mut().enumerate() {
+            values.extend((0..3).map(|row| both[(row, motion)]));
         }
     }
     motions

@@ -81,7 +81,7 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) ->
         return Ok(Modes { values: vec![], vectors: vec![], residuals: vec![], rigid: 0, converged: true });
     }
     run.check()?;
-    let h = hessian::hessian(&used, &Cotangents::new(&used, options.cotangents))?;
+    let h = hessian::hessian(&used, &Cotangents::new(&used, options.cotangents), run)?;
     let mass = masses(&used);
     let diagonal = |i: usize| h.values()[h.pattern().column(i).start];
     let mean = (0..h.n()).map(diagonal).sum::<f64>() / mass.iter().sum::<f64>();

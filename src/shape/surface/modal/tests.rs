@@ -65,11 +65,16 @@ fn random(n: usize, seed: u64) -> Vec<Vector3<f64>> {
 #[test]
 fn the_form_is_the_energy_of_the_best_rotations_and_rigid_motions_have_none() {
     let mesh = bar(5, |x| 1.0 + 0.2 * x.sin());
-    let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).expect("a sound case");
+    let h =
+        hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw), &Run::default()).expect("a sound case");
     let d = random(mesh.vertex_count(), 1);
     let expected = energy(&mesh, &d);
     assert!((product(&h, &d) - expected).abs() < 1e-12 * expected, "{} against {expected}", product(&h, &d));
-    for motion in hessian::rigid_motions(&mesh) {
+    let motions = hessian::rigid_motions(&mesh).into_iter().flat_map(|component| {
+        assert!(component.support.iter().copied().eq(0..h.n() as u32), "one component with all vertices");
+        component.vectors
+    });
+    for motion in motions {
         let d: Vec<_> = motion.chunks_exact(3).map(Vector3::from_column_slice).collect();
         assert!(product(&h, &d).abs() < 1e-12);
     }
@@ -79,7 +84,8 @@ fn the_form_is_the_energy_of_the_best_rotations_and_rigid_motions_have_none() {
 fn near_rest_the_nonlinear_energy_is_the_form() {
     use crate::surface::{DeformOptions, Deformer, HandlePose, Handles, InitialGuess, Method};
     let mesh = bar(5, |x| 1.0 + 0.2 * x.sin());
-    let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).expect("a sound case");
+    let h =
+        hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw), &Run::default()).expect("a sound case");
     let handles = Handles::exact([0, 1, 2]).expect("a sound case");
     let options = DeformOptions::default();
     let mut arap = Deformer::new(Method::Arap, &mesh, &handles, &options, &Run::default()).expect("a sound case");
@@ -98,7 +104,8 @@ fn modes_are_the_lowest_of_the_dense_problem_after_six_zeros() {
     let mesh = bar(12, |x| 1.0 + 0.3 * (1.3 * x).sin());
     let found = modes(&mesh, 10, &ModesOptions::default(), &Run::default()).expect("a sound case");
     assert!(found.converged && found.rigid == 6, "{:?}", found.residuals);
-    let h = hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw)).expect("a sound case");
+    let h =
+        hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw), &Run::default()).expect("a sound case");
     let (mass, n) = (masses(&mesh), h.n());
     let mut full = DMatrix::zeros(n, n);
     for (i, j, s) in h.pattern().entries() {

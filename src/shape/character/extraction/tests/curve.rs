@@ -132,7 +132,7 @@ fn degenerate_surfaces_have_curves_too() {
     }
     let nothing = TriMesh::new(vec![Point3::origin(); 3], vec![[0, 1, 2]]).unwrap();
     let refused = extract(&nothing, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()), &Run::default());
-    assert_eq!(refused.unwrap_err().to_string(), "mesh has zero surface area");
+    assert!(refused.unwrap_err().to_string().starts_with("mesh has zero surface area"));
 }
 
 #[test]
@@ -199,12 +199,12 @@ fn sheets_have_as_many_loops_as_their_independent_cycles() {
         assert_eq!(curve.node_of_vertex.len(), mesh.vertex_count(), "{name}");
         let thick = sheet::thickened(&mesh).unwrap();
         assert_eq!(parts::handles(&thick.0), Some(loops), "{name}");
-        assert!(!sheet::is_solid(&mesh, &mesh.vertex_normals()), "{name}");
+        assert!(!sheet::is_solid(&mesh, &mesh.vertex_normals(), &Run::default()), "{name}");
     }
     assert!(sheet::thickened(&shapes::book(5)).is_none(), "where three pages meet there are no two sides");
     let ball = shapes::icosphere(3);
     let open = TriMesh::new(ball.positions().to_vec(), ball.triangles()[40..].to_vec()).unwrap();
-    assert!(sheet::is_solid(&open, &open.vertex_normals()), "a ball with a hole has an inside");
+    assert!(sheet::is_solid(&open, &open.vertex_normals(), &Run::default()), "a ball with a hole has an inside");
 }
 
 #[test]

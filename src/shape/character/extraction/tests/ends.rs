@@ -22,7 +22,7 @@ fn the_curve_ends_at_a_tip_that_it_runs_through() {
 #[test]
 fn ends_come_to_the_center_of_the_cap_from_both_sides() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     for (from, to) in [(2.0, 8.0), (-0.9, 10.9)] {
         let mut graph = comb(from, to, 0.0);
         graph.merge(21, 10);
@@ -41,7 +41,7 @@ fn ends_come_to_the_center_of_the_cap_from_both_sides() {
 #[test]
 fn a_straight_cone_is_a_tip_and_one_that_turns_aside_a_hook() {
     let mesh = shapes::bar([10, 10, 40], [1.0, 1.0, 4.0]);
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let (low, high) = mesh.bounding_box().unwrap();
     let middle = nalgebra::center(&low, &high);
     let top = [middle.x, middle.y, high.z - 0.5];
@@ -130,7 +130,7 @@ fn tips_merged_into_one_node_get_an_end_each() {
 #[test]
 fn wandering_within_the_last_ball_is_trimmed() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     // Along the axis to the center of the cap, aside to the wall, and along it: no ball on the way back contains the one before.
     let mut graph = row(&[[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 0.9, 0.0], [10.3, 0.85, 0.0], [10.0, 0.9, 0.2]]);
     tips::trim(&mut graph, &tree, &|p| tree.encloses(p));
@@ -143,7 +143,7 @@ fn wandering_within_the_last_ball_is_trimmed() {
 #[test]
 fn the_last_radius_continues_the_bend_and_stays_where_that_is_narrow() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let mut graph = row(&[[0.0, 0.0, 0.0], [9.2, 0.0, 0.0], [10.0, 0.1, 0.0]]);
     tips::extrapolate_ends(&mut graph, &tree);
     let off = graph.alive().map(|v| graph.nodes[v as usize].y.abs()).fold(0.0, f64::max);

@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn branches_covered_by_the_rest_are_pruned() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     for side in [0.3, 0.9] {
         let mut graph = comb(0.0, 10.0, side);
         let radii = centering::radii(&graph, &tree);
@@ -40,7 +40,7 @@ fn smoothing_preserves_constants_and_sums_and_reaches_farther_where_the_shape_is
 #[test]
 fn a_visible_curve_does_not_move() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let mut graph = comb(0.0, 10.0, 0.3);
     let before = graph.nodes.clone();
     sight::draw(&mut graph, &tree, mesh.positions(), &Run::default()).unwrap();
@@ -54,7 +54,7 @@ fn an_edge_that_passes_outside_goes_round() {
         let a = half - 0.5 * s;
         (Point3::new(2.0 * a.cos(), 2.0 * a.sin(), 0.0), Vector3::new(a.sin(), -a.cos(), 0.0))
     });
-    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
+    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles(), &Run::default());
     let feet = vec![Point3::new(-2.0, 0.1, 0.0), Point3::new(2.0, 0.1, 0.0)];
     let mut graph = curve_graph::CurveGraph::new(feet, &[[0, 1]], vec![0; arch.vertex_count()]);
     centering::keep_inside(&mut graph, &tree);
@@ -74,7 +74,7 @@ fn an_edge_that_passes_outside_goes_round() {
 #[test]
 fn centering_converges() {
     let bar = shapes::bar([8, 8, 40], [1.0, 1.0, 5.0]);
-    let tree = aabb::AabbTree::new(bar.positions(), bar.triangles());
+    let tree = aabb::AabbTree::new(bar.positions(), bar.triangles(), &Run::default());
     let middle = bar.positions().iter().map(|p| p.coords).sum::<Vector3<f64>>() / bar.vertex_count() as f64;
     let nodes: Vec<_> =
         (0..40).map(|k| Point3::from(middle + Vector3::new(0.2, 0.1, -2.0 + 0.1 * f64::from(k)))).collect();
@@ -97,7 +97,7 @@ fn centering_converges() {
 #[test]
 fn detours_are_removed_and_a_bent_limb_is_kept() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
     let radii = centering::radii(&graph, &tree);
     detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
@@ -107,7 +107,7 @@ fn detours_are_removed_and_a_bent_limb_is_kept() {
         let a: f64 = s / 2.0;
         (Point3::new(2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
     });
-    let tree = aabb::AabbTree::new(bent.positions(), bent.triangles());
+    let tree = aabb::AabbTree::new(bent.positions(), bent.triangles(), &Run::default());
     let axis: Vec<[f64; 3]> = (0..=100)
         .map(|k| {
             let a = 0.05 * f64::from(k);
@@ -124,7 +124,7 @@ fn detours_are_removed_and_a_bent_limb_is_kept() {
 #[test]
 fn detours_to_pinned_nodes_are_kept() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
     let top = graph.alive().max_by(|a, b| graph.nodes[*a as usize].y.total_cmp(&graph.nodes[*b as usize].y)).unwrap();
     graph.pinned[top as usize] = true;
@@ -136,7 +136,7 @@ fn detours_to_pinned_nodes_are_kept() {
 #[test]
 fn sharp_bends_are_smoothed_as_far_as_the_surface_allows() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let nodes: Vec<_> = (0..=50).map(|k| Point3::new(0.2 * f64::from(k), 0.3 * f64::from(k % 2), 0.0)).collect();
     let edges: Vec<[u32; 2]> = (1..=50).map(|k| [k - 1, k]).collect();
     let mut graph = curve_graph::CurveGraph::new(nodes, &edges, Vec::new());
@@ -147,7 +147,7 @@ fn sharp_bends_are_smoothed_as_far_as_the_surface_allows() {
     }
     // A square around the hole of a ring cannot move its corners halfway.
     let ring = shapes::holed_torus(1, 24);
-    let tree = aabb::AabbTree::new(ring.positions(), ring.triangles());
+    let tree = aabb::AabbTree::new(ring.positions(), ring.triangles(), &Run::default());
     let (curve, _) = curve_of(&ring);
     let few: Vec<_> = web_loop(&curve).into_iter().step_by(curve.nodes.len().div_ceil(6)).collect();
     let n = few.len() as u32;
@@ -168,7 +168,7 @@ fn sharp_bends_are_smoothed_as_far_as_the_surface_allows() {
 #[test]
 fn redundant_nodes_are_removed_unless_they_lead_around_the_outside() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let places: Vec<Point3<f64>> = (0..=100).map(|k| Point3::new(0.1 * f64::from(k), 0.0, 0.0)).collect();
     let edges: Vec<[u32; 2]> = (1..=100).map(|k| [k - 1, k]).collect();
     let mut graph = curve_graph::CurveGraph::new(places, &edges, Vec::new());
@@ -182,7 +182,7 @@ fn redundant_nodes_are_removed_unless_they_lead_around_the_outside() {
         let a = half - 0.5 * s;
         (Point3::new(2.0 * a.cos(), 2.0 * a.sin(), 0.0), Vector3::new(a.sin(), -a.cos(), 0.0))
     });
-    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles());
+    let tree = aabb::AabbTree::new(arch.positions(), arch.triangles(), &Run::default());
     let three = vec![Point3::new(-2.0, 0.0, 0.0), Point3::new(0.0, 2.0, 0.0), Point3::new(2.0, 0.0, 0.0)];
     let mut graph = curve_graph::CurveGraph::new(three, &[[0, 1], [1, 2]], Vec::new());
     resampling::thin(&mut graph, &tree, 100.0);
@@ -194,7 +194,7 @@ fn round_limbs_are_centered_on_their_axis_and_flat_ones_unchanged() {
     let iteration = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let flat = moved(&iteration, |p| Point3::new(p.x, p.y, 0.5 * p.z));
     for (mesh, is_round) in [(&iteration, true), (&flat, false)] {
-        let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles());
+        let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
         let mut graph = row(&[[0.0, 0.05, -0.03], [10.0, 0.05, -0.03]]);
         graph.pinned[100] = true;
         let pinned = graph.nodes[100];

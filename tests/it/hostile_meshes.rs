@@ -1,0 +1,160 @@
+//! Meshes that are valid and hurt: far vertices, specks, lengths of many orders of magnitude, triangles that all overlap. Each is
+//! solved within bounds of time and memory, and what is left out is said.
+
+use std::fs;
+use std::ops::ControlFlow;
+
+use nalgebra::{Point3, Vector3};
+use plumbline::num::run::Run;
+use plumbline::shape::character::extraction::{ExtractionOptions, ExtractionReport, extract};
+use plumbline::shape::character::{CharacterError, CurveSkeleton};
+use plumbline::shape::mesh::{Model, TriMesh, shapes, write_model};
+use plumbline::shape::surface::modal::{ModesOptions, modes};
+use plumbline::shape::surface::{Handles, Method, SurfaceError, deform};
+
+use crate::support::program::{err, plumbline_in, succeed};
+
+/// An ellipsoid, four times as long as wide, along z.
+fn body(level: usize) -> TriMesh {
+    let ball = shapes::icosphere(level);
+    let stretched = ball.positions().iter().map(|p| Point3::new(0.5 * p.x, 0.5 * p.y, 2.0 * p.z)).collect();
+    ball.with_positions(stretched).expect("finite")
+}
+
+fn moved(mesh: &TriMesh, vertex: usize, to: Point3<f64>) -> TriMesh {
+    let mut positions = mesh.positions().to_vec();
+    positions[vertex] = to;
+    mesh.with_positions(positions).expect("finite")
+}
+
+fn curve(mesh: &TriMesh) -> Result<(CurveSkeleton, ExtractionReport), CharacterError> {
+    extract(mesh, &ExtractionOptions::default(), &mut |_| ControlFlow::Continue(()), &Run::default())
+}
+
+#[test]
+fn an_outlier_is_left_out_and_the_curve_is_that_of_the_body() {
+    let clean = body(3);
+    let (expected, _) = curve(&clean).expect("a body");
+    for far in [1e3, 1e6, 1e12] {
+        let (found, report) = curve(&moved(&clean, 100, Point3::new(far, 0.5 * far, far))).expect("a body");
+        assert_eq!((report.outliers.as_slice(), report.parts, report.ends), (&[100][..], 1, 2), "{far}");
+        assert!(found.nodes.iter().all(|p| p.z.abs() < 2.0 && p.x.hypot(p.y) < 0.2), "{far}");
+        assert!(found.nodes.len().abs_diff(expected.nodes.len()) < 4, "{far}: {}", found.nodes.len());
+        assert_eq!(found.node_of_vertex.len(), clean.vertex_count());
+    }
+}
+
+#[test]
+fn specks_are_left_out_and_counted_and_small_parts_are_not() {
+    let tiny = |k: u32| {
+        let (k, speck) = (f64::from(k), shapes::icosphere(0));
+        let at = Vector3::new((k * 1.3).sin(), (k * 2.7).cos(), (k * 0.9).sin()) * 3.0;
+        speck.with_positions(speck.positions().iter().map(|p| p * 1e-3 + at).collect()).expect("finite")
+    };
+    let eye = shapes::icosphere(2);
+    let eye = eye.with_positions(eye.positions().iter().map(|p| p * 0.05 + Vector3::x()).collect()).expect("finite");
+    let parts: Vec<TriMesh> = [body(3), eye].into_iter().chain((0..200).map(tiny)).collect();
+    let (found, report) = curve(&shapes::disjoint(&parts)).expect("a body");
+    assert_eq!((report.parts, report.specks, report.speck_vertices), (2, 200, 2400));
+    assert!(found.nodes.iter().all(|p| p.coords.norm() < 2.1), "no node is at a speck");
+}
+
+/// A tube of radius 1 along x.
+fn tube(length: f64, rings: u32) -> TriMesh {
+    let around = 8;
+    let ring = |k: u32| {
+        let x = length * f64::from(k) / f64::from(rings);
+        (0..around).map(move |i| {
+            let angle = std::f64::consts::TAU * f64::from(i) / f64::from(around);
+            Point3::new(x, angle.cos(), angle.sin())
+        })
+    };
+    let cell = |k: u32, i: u32| {
+        let [a, b] = [i, (i + 1) % around].map(|i| k * around + i);
+        [[a, b, b + around], [a, b + around, a + around]]
+    };
+    let triangles = (0..rings).flat_map(|k| (0..around).flat_map(move |i| cell(k, i))).collect();
+    TriMesh::new((0..=rings).flat_map(ring).collect(), triangles).expect("corners exist")
+}
+
+#[test]
+fn the_number_of_nodes_is_bounded_however_long_and_thin_a_tube_is() {
+    let (found, report) = curve(&tube(1e6, 400)).expect("a tube");
+    assert!(report.spacing > 1.0 && found.nodes.len() < 3000, "{} {}", report.spacing, found.nodes.len());
+    let (_, short) = curve(&tube(20.0, 40)).expect("a tube");
+    assert_eq!(short.spacing, 1.0);
+}
+
+/// Sheets around a common edge chain.
+fn book(sheets: u32, segments: u32) -> TriMesh {
+    let at = |k: u32| f64::from(k) / f64::from(segments);
+    let mut positions: Vec<Point3<f64>> = (0..=segments).map(|k| Point3::new(0.0, 0.0, at(k))).collect();
+    let mut triangles = Vec::new();
+    for s in 0..sheets {
+        let angle = std::f64::consts::TAU * f64::from(s) / f64::from(sheets);
+        let first = positions.len() as u32;
+        positions.extend((0..=segments).map(|k| Point3::new(angle.cos(), angle.sin(), at(k))));
+        triangles.extend((0..segments).flat_map(|k| [[k, first + k, first + k + 1], [k, first + k + 1, k + 1]]));
+    }
+    TriMesh::new(positions, triangles).expect("corners exist")
+}
+
+#[test]
+fn a_vertex_of_many_sheets_costs_no_more_than_its_triangles() {
+    let (found, report) = curve(&book(400, 4)).expect("sheets");
+    assert!(report.parts == 1 && !found.nodes.is_empty());
+    assert!(found.nodes.iter().all(|p| p.iter().all(|c| c.is_finite())));
+}
+
+#[test]
+fn modes_of_many_parts_leave_out_the_rigid_motions_of_each() {
+    let part = |k: u32| {
+        let ball = shapes::icosphere(0);
+        let at = Vector3::x() * (5.0 * f64::from(k));
+        ball.with_positions(ball.positions().iter().map(|p| p + at).collect()).expect("finite")
+    };
+    let parts = shapes::disjoint(&(0..150).map(part).collect::<Vec<_>>());
+    let found = modes(&parts, 3, &ModesOptions::default(), &Run::default()).expect("a small system");
+    assert_eq!(found.rigid, 6 * 150);
+    assert!(found.values.iter().all(|v| *v > 0.0 && v.is_finite()));
+}
+
+#[test]
+fn lengths_beyond_double_precision_are_refused_with_a_remedy() {
+    let ball = shapes::icosphere(3);
+    let scaled = |scale: f64| {
+        ball.with_positions(ball.positions().iter().map(|p| Point3::from(p.coords * scale)).collect()).expect("finite")
+    };
+    for scale in [1e-200, 1e200] {
+        let refused = curve(&scaled(scale)).unwrap_err().to_string();
+        assert!(refused.contains("scale it to a size near 1"), "{refused}");
+    }
+    for scale in [1e-12, 1e12] {
+        assert_eq!(curve(&scaled(scale)).expect("a ball").1.parts, 1);
+    }
+    let handles = Handles::exact([0, 1, 2]).expect("three vertices");
+    let huge = scaled(1e200);
+    let mut targets: Vec<_> = (0..3).map(|v| huge.positions()[v]).collect();
+    targets[1].x *= 1.5;
+    for method in [Method::Arap, Method::Poisson, Method::Laplacian, Method::Primo] {
+        match deform(&huge, &handles, &targets, method) {
+            Ok(found) => assert!(found.iter().all(|p| p.iter().all(|c| c.is_finite())), "{method:?}"),
+            Err(SurfaceError::Diverged { .. } | SurfaceError::Solve(_) | SurfaceError::NotFinite { .. }) => {}
+            Err(other) => panic!("{method:?}: {other}"),
+        }
+    }
+}
+
+#[test]
+fn the_program_says_what_it_left_out() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    write_model(&folder.join("far.off"), &Model::of_mesh(moved(&body(3), 100, Point3::new(1e6, 0.0, 0.0))))
+        .expect("a file");
+    let run = succeed(folder, &["skeleton", "far.off", "-o", "far.json"]);
+    assert!(err(&run).contains("1 outliers left out (first: vertex 100)"), "{}", err(&run));
+    fs::write(folder.join("zero.off"), "OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n").expect("a file");
+    let refused = plumbline_in(folder, &["skeleton", "zero.off", "-o", "zero.json"]);
+    assert_eq!(refused.status.code(), Some(65), "{}", err(&refused));
+    assert!(!folder.join("zero.json").exists());
+}
