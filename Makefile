@@ -2,7 +2,7 @@
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long bench media gallery deps deps-build lint unit oracle
+.PHONY: help demo test test-long deny memcheck soak bench media gallery deps deps-build lint unit oracle
 
 CLIP ?= media/street-walk.mp4
 
@@ -20,13 +20,29 @@ test: deps lint unit oracle ## formatting, lints, all tests, documentation, orac
 # Members without FFmpeg and clap; each is built alone, so that none leans on a feature that another turns on.
 PURE := num image camera photo video shape testkit
 
-test-long: test ## what takes longer: random cases by the thousand, each library and the façade alone
+test-long: test deny memcheck soak ## what takes longer: random cases by the thousand, kills, faults, soaks, valgrind, licenses, each library alone
 	PROPTEST_CASES=1024 cargo test --workspace --locked
 	PLUMBLINE_CASES=300 cargo test --locked --test it kills
 	PLUMBLINE_CASES=200 cargo test --locked --test it faults
+	PLUMBLINE_ROUNDS=1000000 cargo test --locked --test it fuzz
 	for crate in $(PURE); do cargo check --locked --all-targets --package plumbline-$$crate || exit 1; done
 	cargo check --locked --package plumbline --no-default-features
 	cargo check --locked --package plumbline --no-default-features --features media
+
+# The packages of all systems; `tests/it/dependencies.rs` checks those of this one.
+deny:
+	cargo deny --version >/dev/null 2>&1 || cargo install --locked cargo-deny
+	cargo deny check licenses bans sources
+
+# The binding of FFmpeg under valgrind: no invalid read or write, no use of what was never set.
+memcheck: deps
+	@.ci/deps long
+	CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="valgrind --quiet --error-exitcode=9" \
+		cargo test --locked --package plumbline-media --lib
+
+soak: deps
+	cargo build --release --locked
+	python3 tests/soak/run.py target/release/plumbline
 
 lint: deps
 	cargo fmt --all --check

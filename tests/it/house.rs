@@ -65,7 +65,7 @@ fn sources_that_the_architecture_names_exist() {
     }
 }
 
-/// Every guarantee names its tests as `file::name` of `tests/it`, or `file::name` below `src` with its path.
+/// Every guarantee names its tests as `file::name` of `tests/it`.
 #[test]
 fn guarantees_name_tests_that_exist() {
     let text = fs::read_to_string(root().join("docs/GUARANTEES.md")).expect("a document");
@@ -77,7 +77,7 @@ fn guarantees_name_tests_that_exist() {
         assert!(!tests.is_empty(), "a guarantee without a test: {row}");
         for test in tests {
             let (file, name) = test.rsplit_once("::").unwrap_or((test, ""));
-            let file = if file.contains('/') { format!("{file}.rs") } else { format!("tests/it/{file}.rs") };
+            let file = format!("tests/it/{file}.rs");
             let source = fs::read_to_string(root().join(&file)).unwrap_or_else(|_| panic!("{file} of {test}"));
             assert!(source.contains(&format!("fn {name}(")), "{test} is no test");
         }
