@@ -22,9 +22,9 @@ PURE := num image camera photo video shape testkit
 
 test-long: test deny memcheck soak ## what takes longer: random cases by the thousand, kills, faults, soaks, valgrind, licenses, each library alone
 	PROPTEST_CASES=1024 cargo test --workspace --locked
-	PLUMBLINE_CASES=300 cargo test --locked --test it kills
-	PLUMBLINE_CASES=200 cargo test --locked --test it faults
-	PLUMBLINE_ROUNDS=1000000 cargo test --locked --test it fuzz
+	PLUMBLINE_CASES=300 cargo test --workspace --locked --test it kills
+	PLUMBLINE_CASES=200 cargo test --workspace --locked --test it faults
+	PLUMBLINE_ROUNDS=1000000 cargo test --workspace --locked --test it fuzz
 	for crate in $(PURE); do cargo check --locked --all-targets --package plumbline-$$crate || exit 1; done
 	cargo check --locked --package plumbline --no-default-features
 	cargo check --locked --package plumbline --no-default-features --features media

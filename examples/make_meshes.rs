@@ -110,7 +110,7 @@ fn polygons() -> Result<Model, Failure> {
     let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     for (side, corners) in sides.iter().enumerate() {
         let group = Group { object: "cube".to_owned(), name: ["x", "y", "z"][side / 2].to_owned() };
-        let group = builder.group(group);
+        let group = builder.group(group)?;
         builder.face(corners, group, NO_VALUE);
         builder.texture.of_corner.extend([0, 1, 2, 3]);
     }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::av::AvError;
+use plumbline_num::limits::Shortage;
 use plumbline_num::run::Stopped;
 
 /// Who can do something about an error.
@@ -140,6 +141,14 @@ pub enum MediaError {
     /// The call was stopped from outside.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
+    /// A library failed, and this process has little left of what it needs.
+    #[error("{problem} ({shortage})")]
+    Shortage {
+        /// What failed.
+        problem: String,
+        /// What there is too little of.
+        shortage: Shortage,
+    },
     /// FFmpeg failed where it should not.
     #[error("{doing}: {reason}")]
     Internal {
@@ -162,9 +171,11 @@ impl MediaError {
             | Self::Input { .. } => Fault::Input,
             Self::UnknownContainer { .. } | Self::Usage { .. } => Fault::Usage,
             Self::TargetExists { .. } | Self::Output { .. } | Self::DiskFull { .. } => Fault::Output,
-            Self::SpoolLimit { .. } | Self::Spool { .. } | Self::NoMemory { .. } | Self::Interrupted(_) => {
-                Fault::Environment
-            }
+            Self::SpoolLimit { .. }
+            | Self::Spool { .. }
+            | Self::NoMemory { .. }
+            | Self::Shortage { .. }
+            | Self::Interrupted(_) => Fault::Environment,
             Self::Internal { .. } => Fault::Internal,
         }
     }
@@ -192,7 +203,12 @@ impl MediaError {
 
     /// An encoder that refuses its settings: size, format and options, and what it says.
     pub(super) fn encoder_refused(encoder: &str, settings: &str, reason: &str) -> Self {
-        Self::Usage { problem: format!("encoder {encoder} refused {settings}: {reason}") }
+        let problem = format!("encoder {encoder} refused {settings}: {reason}");
+        // Libraries of encoders do not say what they lack.
+        match Shortage::likely() {
+            Some(shortage) => Self::Shortage { problem, shortage },
+            None => Self::Usage { problem },
+        }
     }
 
     /// An error of FFmpeg while `doing` something that concerns no file.

@@ -19,6 +19,7 @@ use super::info::Ratio;
 use super::sequence::Sequence;
 use super::{MediaError, playlist};
 use plumbline_num::files::{AtomicFile, open_regular};
+use plumbline_num::limits::Shortage;
 use plumbline_num::run::{Interrupt, Stopped};
 
 /// Default limit of the copy of standard input, bytes.
@@ -358,7 +359,10 @@ impl Input {
                 MediaError::input(&path, format!("cannot be read: {error}"))
             }
             (_, Some(libc::ENOMEM)) => MediaError::NoMemory { what: format!("opening {path}") },
-            _ => MediaError::NotMedia { path, reason: reason(error) },
+            _ => match Shortage::likely() {
+                Some(shortage) => MediaError::Shortage { problem: format!("{path}: {}", reason(error)), shortage },
+                None => MediaError::NotMedia { path, reason: reason(error) },
+            },
         }
     }
 

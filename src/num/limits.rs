@@ -93,6 +93,16 @@ impl Shortage {
         Some(Self(*resource))
     }
 
+    /// What this process has little left of, for libraries that fail without saying why: less than [`LITTLE`] of the address
+    /// space, or no thread or file more.
+    pub fn likely() -> Option<Self> {
+        let limit = Resource::Memory.limit();
+        if limit.zip(address_space()).is_some_and(|(limit, used)| limit.saturating_sub(used) < LITTLE) {
+            return Some(Self(Resource::Memory));
+        }
+        Self::check(1, 1).err()
+    }
+
     /// Tries to start `threads` threads and to open `files` files at once, and lets go of them: before a long run rather than
     /// in its midst, and for libraries that do not say what they lack.
     ///
@@ -102,6 +112,17 @@ impl Shortage {
         check_files(files)?;
         check_threads(threads)
     }
+}
+
+/// Bytes of address space with which an encoder of small pictures may fail to start: its threads take 8 MiB each for their
+/// stacks, and 64 MiB for what they allocate.
+const LITTLE: u64 = 256 << 20;
+
+/// Bytes of address space in use; `None` where the system has no file that says so.
+fn address_space() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
+    line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
 /// What the C library says of its error numbers, and x264 of memory.

@@ -15,7 +15,7 @@ use signal_hook::{flag, low_level};
 
 use super::failure::Failure;
 use crate::pipeline::{Exit, RunError};
-use plumbline_num::files::remove_unfinished;
+use plumbline_num::files::remove_partial_files;
 use plumbline_num::limits::Shortage;
 use plumbline_num::run::Run;
 
@@ -81,7 +81,7 @@ fn wait(mut end: UnixStream, grace: Duration, signal: &AtomicUsize) {
         // A byte, or none in time.
         let _ = end.read(&mut bell);
     }
-    remove_unfinished();
+    remove_partial_files();
     low_level::exit(i32::from(exit_of(signal) as u8));
 }
 

@@ -12,7 +12,7 @@ use signal_hook::consts::SIGABRT;
 use signal_hook::low_level;
 
 use crate::pipeline::Exit;
-use plumbline_num::files::remove_unfinished;
+use plumbline_num::files::remove_partial_files;
 use plumbline_num::limits::{Resource, Shortage};
 
 thread_local! {
@@ -58,13 +58,19 @@ unsafe impl GlobalAlloc for NotingAllocator {
 
 /// Takes over the end by `abort`. Without it such an end leaves unfinished files to the next run.
 pub(super) fn install() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    if Resource::Memory.limit().is_some() {
+        // Each thread would reserve 64 MiB of the address space for what it allocates: most of what a small limit leaves.
+        // SAFETY: changes a number of the C library's allocator, before there are other threads.
+        unsafe { libc::mallopt(libc::M_ARENA_MAX, 2) };
+    }
     // SAFETY: what is called reads a thread-local without a destructor, formats into a buffer on the stack, and makes system
     // calls: it neither allocates nor waits.
     let _ = unsafe { low_level::register(SIGABRT, aborted) };
 }
 
 fn aborted() {
-    remove_unfinished();
+    remove_partial_files();
     let bytes = REFUSED.try_with(Cell::get).unwrap_or(0);
     if bytes == 0 {
         // Another reason, which the system reports as it does.

@@ -1,11 +1,16 @@
 //! `plumbline plan`: the passes of a pipeline and what each holds in memory.
 
+use std::fmt::Write as _;
+
 use clap::Args;
 
 use super::failure::Failure;
 use super::session::Session;
 use super::{PipelineArgs, print};
+use crate::pipeline::memory::human_bytes;
+use crate::pipeline::plan::temporary_space;
 use crate::pipeline::{Exit, Plan};
+use plumbline_num::files::free_space;
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
@@ -31,6 +36,12 @@ impl PlanArgs {
             text = format!("{count} items, {jobs} at once; figures for `{}`\n", first.key);
         }
         text.push_str(&Plan::of(graph).describe(graph, clip.as_ref()));
+        let folder = std::env::temp_dir();
+        let needed = clip.is_some_and(|clip| temporary_space(graph, &clip) > 0);
+        if let Some(free) = free_space(&folder).filter(|_| needed) {
+            // Writing to a string does not fail.
+            let _ = writeln!(text, "free for temporary files: {} in {}", human_bytes(free), folder.display());
+        }
         print(&text);
         Ok(Exit::Done)
     }

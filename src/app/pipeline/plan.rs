@@ -17,7 +17,6 @@ use super::graph::{Graph, Stage};
 use super::kind::TemporalScope;
 use super::memory::{ClipShape, MemoryCost, human_bytes};
 use super::port::PortType;
-use plumbline_num::files::free_space;
 
 /// One streaming run over the clip.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,12 +55,7 @@ impl Plan {
         let peak = self.passes.iter().map(|p| p.memory(graph, clip)).max().filter(|_| clip.is_some());
         lines.extend(peak.map(|bytes| format!("peak memory: about {} beside the program itself", human_bytes(bytes))));
         let space = clip.map(|clip| temporary_space(graph, clip)).filter(|bytes| *bytes > 0);
-        lines.extend(space.map(|bytes| {
-            let folder = std::env::temp_dir();
-            let free = free_space(&folder).map(|free| format!(", which has {} free", human_bytes(free)));
-            let shown = folder.display();
-            format!("temporary space: up to {} in {shown}{}", human_bytes(bytes), free.unwrap_or_default())
-        }));
+        lines.extend(space.map(|bytes| format!("temporary space: up to {}", human_bytes(bytes))));
         lines.push(String::new());
         lines.join("\n")
     }

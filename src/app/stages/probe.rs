@@ -6,7 +6,7 @@ use super::context::open_input;
 use crate::pipeline::job::Probed;
 use crate::pipeline::memory::ClipShape;
 use crate::pipeline::run_error::RunError;
-use plumbline_media::{Input, ReadOptions, VideoReader};
+use plumbline_media::{Input, MediaInfo, ReadOptions, StreamKind, VideoReader};
 use plumbline_num::run::Interrupt;
 
 /// Looks into `input`.
@@ -17,13 +17,13 @@ pub(crate) fn probe(input: &Path, playlists: bool) -> Result<Probed, RunError> {
     };
     let input = input.allowing_playlists(playlists);
     let info = plumbline_media::probe(&input)?;
-    let shape = info.video.is_some().then(|| shape(&input)).transpose()?;
+    let shape = info.video.is_some().then(|| shape(&input, &info)).transpose()?;
     let json = serde_json::to_value(&info).map_err(|e| RunError::Internal(format!("probe: {e}")))?;
     Ok(Probed { text: info.to_string(), json, shape })
 }
 
 /// What memory depends on, from the decoder itself.
-fn shape(input: &Input) -> Result<ClipShape, RunError> {
+fn shape(input: &Input, media: &MediaInfo) -> Result<ClipShape, RunError> {
     let reader = VideoReader::open(input, &ReadOptions::default())?;
     let info = reader.info();
     let samples = |i| {
@@ -34,6 +34,15 @@ fn shape(input: &Input) -> Result<ClipShape, RunError> {
         width: info.width as u32,
         height: info.height as u32,
         frame_bytes: (0..info.format.planes()).map(samples).sum(),
-        frames: info.frames_estimate,
+        frames: info.frames_estimate.or_else(|| frames_of(media)),
     })
+}
+
+/// Frames by length and rate, for containers that do not count them, such as Matroska.
+fn frames_of(media: &MediaInfo) -> Option<u64> {
+    let stream = media.streams.iter().find(|stream| Some(stream.index) == media.video)?;
+    let StreamKind::Video(video) = &stream.kind else { return None };
+    let seconds = stream.duration_s.or(media.duration_s)?;
+    let rate = video.frame_rate.or(video.base_rate)?.value();
+    Some((seconds * rate).ceil()).filter(|frames| frames.is_finite() && *frames >= 0.0).map(|frames| frames as u64)
 }

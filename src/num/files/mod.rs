@@ -6,7 +6,7 @@
 //! | [`FileAccess`] | files that another file names, confined to folders |
 //! | [`AtomicFile`] | written beside its target, synced, renamed last; one writer per target |
 //! | [`write_whole`] | the same for bytes at hand |
-//! | [`remove_unfinished`] | what a process that cannot unwind any more does before it ends |
+//! | [`remove_partial_files`] | what a process that cannot unwind any more does before it ends |
 //! | [`free_space`] | bytes that a file in a folder may take |
 //!
 //! ```
@@ -33,7 +33,7 @@ use std::path::Path;
 
 pub use access::{AccessError, FileAccess, check_type, open_regular};
 pub use atomic_file::{AtomicFile, IfExists, publish_all};
-pub use registry::remove_unfinished;
+pub use registry::remove_partial_files;
 
 /// Writes a file that is whole or does not exist.
 ///

@@ -77,7 +77,7 @@ const ATTEMPTS: usize = 1000;
 
 /// Removes all unfinished files of this process, and lets it begin no more: for a process that is about to end without
 /// unwinding. Allocates nothing and waits for nobody, so that a signal handler may call it.
-pub fn remove_unfinished() {
+pub fn remove_partial_files() {
     for _ in 0..ATTEMPTS {
         let mut registry = match REGISTRY.try_lock() {
             Ok(registry) => registry,
