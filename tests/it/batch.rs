@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use plumbline::app::pipeline::execute::{Report, execute};
+use plumbline::app::pipeline::execute::{Backend, Report, execute};
 use plumbline::app::pipeline::progress::Silent;
 use plumbline::app::pipeline::records::Records;
 use plumbline::app::pipeline::{
@@ -24,7 +24,7 @@ struct Writer {
 }
 
 impl StageRunner for Writer {
-    fn probe(&self, input: &str) -> Result<Probed, RunError> {
+    fn probe(&self, input: &Path, _: bool) -> Result<Probed, RunError> {
         Err(RunError::Input(input.to_owned()))
     }
 
@@ -95,7 +95,13 @@ impl Job60 {
     fn run(&self, set: &[&str], writer: &Writer) -> Report {
         let pipeline = self.pipeline(set);
         let instances = self.instances(set);
-        execute(&pipeline, &instances, writer, &Silent, &Arc::new(AtomicBool::new(false)))
+        execute(
+            &pipeline,
+            &instances,
+            Backend { stages: writer, workers: None },
+            &Silent,
+            &Arc::new(AtomicBool::new(false)),
+        )
     }
 
     /// The error of the one item that fails.

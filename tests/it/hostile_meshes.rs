@@ -15,7 +15,7 @@ use plumbline::shape::surface::{Handles, Method, SurfaceError, deform};
 use crate::support::program::{err, plumbline_in, succeed};
 
 /// An ellipsoid, four times as long as wide, along z.
-fn body(level: usize) -> TriMesh {
+fn body(level: u32) -> TriMesh {
     let ball = shapes::icosphere(level);
     let stretched = ball.positions().iter().map(|p| Point3::new(0.5 * p.x, 0.5 * p.y, 2.0 * p.z)).collect();
     ball.with_positions(stretched).expect("finite")

@@ -274,7 +274,12 @@ fn a_summary_reads_well() {
     };
     let summary = Summary {
         up_to_date: false,
-        input: Some(InputSummary { name: "tour.mov".into(), size: (1920, 1080), fps: Some(29.97), fps_assumed: false }),
+        input: Some(InputSummary {
+            name: "tour.mov".into(),
+            size: (1920, 1080),
+            fps: Some(29.97),
+            ..InputSummary::default()
+        }),
         outputs: vec![Path::new("steady/tour.mp4").to_owned()],
         encoder: Some("libx264".into()),
         shake: Some(shake),
@@ -290,6 +295,7 @@ fn a_summary_reads_well() {
         window: None,
         surface: None,
         lines: None,
+        cut_short: false,
         warnings: vec!["2 corrupt packets were concealed".into()],
         seconds: 12.0,
     };

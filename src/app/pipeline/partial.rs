@@ -233,6 +233,7 @@ mod tests {
                     inputs: Vec::new(),
                     enable: None,
                     settings: vec![Entry::built(settings, Value::Float(0.9))],
+                    unsound: false,
                 }],
                 ..PipelineFile::default()
             };

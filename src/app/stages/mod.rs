@@ -307,7 +307,7 @@ mod tests {
         let stage = Stage { name: "alone".to_owned(), kind, settings, deferred: Vec::new(), edges: Vec::new() };
         let graph = Graph { stages: vec![stage] };
         let plan = Plan::of(&graph);
-        let instance = Instance { key: "alone".to_owned(), item: None, graph, plan };
+        let instance = Instance { key: "alone".to_owned(), item: None, graph, plan: plan.into() };
         let progress = TaskProgress::new(&Silent, "alone", 1);
         let cancel = Arc::new(AtomicBool::new(false));
         let job = Job {
