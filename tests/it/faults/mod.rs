@@ -51,6 +51,20 @@ fn run(job: &WritingJob, library: &Path, folder: &Path, variable: &str, value: &
     ran
 }
 
+/// Whether each file was synced (f) before it was renamed (r), and its folder (d) afterwards.
+fn is_synced_before_and_after(order: &str) -> bool {
+    let (mut synced, mut renamed) = (0, 0);
+    for call in order.chars() {
+        match call {
+            'f' => synced += 1,
+            'r' if synced == 0 => return false,
+            'r' => (synced, renamed) = (synced - 1, renamed + 1),
+            _ => renamed = 0,
+        }
+    }
+    renamed == 0 && order.contains('r')
+}
+
 /// Numbers from 1 to `last`, logarithmically spaced, at most `count`.
 fn numbers(last: usize, count: usize) -> Vec<usize> {
     let at = |k: usize| (last as f64).powf(k as f64 / (count.max(2) - 1) as f64).round() as usize;
@@ -75,7 +89,9 @@ fn fail_each(name: &str) {
     let whole = contents(folder.path());
     let text = std::fs::read_to_string(&counts).expect("the library was loaded and wrote its counts");
     let counts: BTreeMap<&str, usize> =
-        text.lines().filter_map(|l| l.split_once(' ')).map(|(k, n)| (k, n.parse().expect("a count"))).collect();
+        text.lines().filter_map(|l| l.split_once(' ')).filter_map(|(k, n)| Some((k, n.parse().ok()?))).collect();
+    let order = text.lines().find_map(|line| line.strip_prefix("order ")).expect("the order of syncs and renames");
+    assert!(is_synced_before_and_after(order), "{name}: {order}");
     for fault in &FAULTS {
         assert!(counts[fault.kind] > 0, "{name} makes no call of the kind {}", fault.kind);
         let mut failed = 0;

@@ -22,6 +22,16 @@ static const char *const names[KINDS] = {"read", "write", "rename", "sync", "ope
 static atomic_long counts[KINDS];
 static int chosen = -1, code;
 static long number;
+enum { ORDER = 4096 };
+static char order[ORDER];
+static atomic_long ordered;
+
+static void note(char what)
+{
+    long at = atomic_fetch_add(&ordered, 1);
+    if (at < ORDER)
+        order[at] = what;
+}
 
 __attribute__((constructor)) static void start(void)
 {
@@ -41,7 +51,15 @@ __attribute__((destructor)) static void end(void)
         return;
     for (int k = 0; k < KINDS; k++)
         fprintf(file, "%s %ld\n", names[k], (long)counts[k]);
+    fprintf(file, "order %.*s\n", (int)(ordered < ORDER ? ordered : ORDER), order);
     fclose(file);
+}
+
+/* Syncs of files (f) and folders (d) and renames (r), in order. */
+static void note_sync(int fd)
+{
+    struct stat about;
+    note(!fstat(fd, &about) && S_ISDIR(about.st_mode) ? 'd' : 'f');
 }
 
 static int fails(enum kind kind)
@@ -68,10 +86,10 @@ ssize_t pread64(int fd, void *to, size_t n, off64_t at) { FAIL_IF(regular(fd) &&
 ssize_t write(int fd, const void *of, size_t n) { FAIL_IF(regular(fd) && fails(WRITE)); return REAL(write)(fd, of, n); }
 ssize_t writev(int fd, const struct iovec *of, int n) { FAIL_IF(regular(fd) && fails(WRITE)); return REAL(writev)(fd, of, n); }
 ssize_t pwrite64(int fd, const void *of, size_t n, off64_t at) { FAIL_IF(regular(fd) && fails(WRITE)); return REAL(pwrite64)(fd, of, n, at); }
-int rename(const char *from, const char *to) { FAIL_IF(fails(RENAME)); return REAL(rename)(from, to); }
-int renameat2(int a, const char *from, int b, const char *to, unsigned int flags) { FAIL_IF(fails(RENAME)); return REAL(renameat2)(a, from, b, to, flags); }
-int fsync(int fd) { FAIL_IF(fails(SYNC)); return REAL(fsync)(fd); }
-int fdatasync(int fd) { FAIL_IF(fails(SYNC)); return REAL(fdatasync)(fd); }
+int rename(const char *from, const char *to) { note('r'); FAIL_IF(fails(RENAME)); return REAL(rename)(from, to); }
+int renameat2(int a, const char *from, int b, const char *to, unsigned int flags) { note('r'); FAIL_IF(fails(RENAME)); return REAL(renameat2)(a, from, b, to, flags); }
+int fsync(int fd) { note_sync(fd); FAIL_IF(fails(SYNC)); return REAL(fsync)(fd); }
+int fdatasync(int fd) { note_sync(fd); FAIL_IF(fails(SYNC)); return REAL(fdatasync)(fd); }
 
 #define MODE(flags) mode_t mode = 0; if (flags & (O_CREAT | O_TMPFILE)) { va_list rest; va_start(rest, flags); mode = va_arg(rest, mode_t); va_end(rest); }
 int open(const char *path, int flags, ...) { MODE(flags) FAIL_IF(fails(OPEN)); return REAL(open)(path, flags, mode); }
