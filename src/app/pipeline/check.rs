@@ -125,7 +125,7 @@ pub(super) fn stage_settings(
     // What waits for the item counts as given: a path of the item is a path.
     let waiting = template.deferred.iter().filter_map(|e| Some((e.key.clone(), Json::from(e.node.text()?))));
     let whole = template.known.clone().into_iter().chain(waiting).collect();
-    template.check_conflicts(&(template.kind.parse)(Json::Object(whole)).ok(), problems);
+    template.check_conflicts((template.kind.parse)(Json::Object(whole)).ok().as_ref(), problems);
     (template.parse(template.known.clone(), problems), template.deferred)
 }
 
@@ -159,7 +159,7 @@ impl<'f> StageTemplate<'f> {
     pub(super) fn fill(&self, scope: &Scope<'_>, problems: &mut Vec<Problem>) -> Option<Arc<dyn Settings>> {
         let filled = self.check(&self.deferred, &[], scope, problems).json;
         let settings = self.parse(self.known.clone().into_iter().chain(filled).collect(), problems);
-        self.check_conflicts(&settings, problems);
+        self.check_conflicts(settings.as_ref(), problems);
         settings
     }
 
@@ -184,8 +184,8 @@ impl<'f> StageTemplate<'f> {
         }
     }
 
-    fn check_conflicts(&self, settings: &Option<Arc<dyn Settings>>, problems: &mut Vec<Problem>) {
-        for conflict in settings.iter().flat_map(|settings| settings.conflicts()) {
+    fn check_conflicts(&self, settings: Option<&Arc<dyn Settings>>, problems: &mut Vec<Problem>) {
+        for conflict in settings.into_iter().flat_map(|settings| settings.conflicts()) {
             let span = self.stage.settings.iter().find(|e| e.key == conflict.key).map(|e| e.key_span.or(e.node.span));
             problems.push(
                 Problem::new("conflict", format!("{}: {}", self.what(), conflict.message))

@@ -232,12 +232,6 @@ impl Executor<'_> {
         }
     }
 
-    /// Puts on record what was written so far. A folder that takes no record keeps its results; the warning says so.
-    fn note(&self, instance: &Instance, outputs: &[PathBuf], complete: bool) -> Option<String> {
-        let noted = self.records.as_ref()?.note(instance, outputs, complete);
-        noted.err().map(|error| format!("not on record, so that a later run cannot skip it: {error}"))
-    }
-
     fn run_item(
         &self,
         at: usize,
@@ -279,12 +273,17 @@ impl Executor<'_> {
             strict: self.run.strict || instance.is_strict(),
             allow_paths: self.run.allowed_folders(),
         };
-        // What a later pass fails to complete is made again by the next run.
-        let written = |outputs: &[PathBuf]| drop(self.note(instance, outputs, false));
+        let record = self.records.as_ref().and_then(|records| records.begin(instance));
+        let publishing = |file: &Path, target: &Path| {
+            if let Some(Err(error)) = record.as_ref().map(|record| record.publishing(file, target)) {
+                // The same fault is a warning at the end of the item.
+                tracing::debug!("{} is not on record: {error}", target.display());
+            }
+        };
         let mut summary = match worker.filter(|_| !uses_standard_streams(instance)) {
             Some(_) if self.cancel.load(Ordering::Relaxed) => Err(RunError::Interrupted),
             Some(worker) => {
-                let done = worker.run(&Order::of(instance, options), &instance.key, self.progress, &written);
+                let done = worker.run(&Order::of(instance, options), &instance.key, self.progress, &publishing);
                 if done.is_err() {
                     // A worker that crashed took nothing along.
                     instance.outputs().iter().for_each(|path| AtomicFile::remove_leftovers(path));
@@ -293,10 +292,13 @@ impl Executor<'_> {
             }
             None => {
                 let progress = TaskProgress::new(self.progress, &instance.key, instance.plan.passes.len());
-                do_work(&Job::new(instance, &options, &progress, self.cancel), self.backend, &written)
+                do_work(&Job::new(instance, &options, &progress, self.cancel, Some(&publishing)), self.backend)
             }
         }?;
-        summary.warnings.extend(self.note(instance, &summary.outputs, true));
+        // A folder that takes no record keeps its results.
+        if let Some(Err(error)) = record.map(|record| record.finish(&summary.outputs)) {
+            summary.warnings.push(format!("not on record, so that a later run cannot skip it: {error}"));
+        }
         Ok(summary)
     }
 
@@ -337,13 +339,8 @@ impl Executor<'_> {
     }
 }
 
-/// Runs the passes of a job in this process. A panic is a failure like others. `written` hears of files that were written
-/// while more is to come.
-pub(super) fn do_work(
-    job: &Job<'_>,
-    backend: &dyn StageRunner,
-    written: &dyn Fn(&[PathBuf]),
-) -> Result<Summary, RunError> {
+/// Runs the passes of a job in this process. A panic is a failure like others.
+pub(super) fn do_work(job: &Job<'_>, backend: &dyn StageRunner) -> Result<Summary, RunError> {
     let work = || {
         let started = Instant::now();
         backend.preflight(job.instance).map_err(RunError::settled)?;
@@ -351,12 +348,7 @@ pub(super) fn do_work(
         for pass in &job.instance.plan.passes {
             job.check_cancel()?;
             // What fails once the user has stopped the run was stopped, whatever it says of itself.
-            let before = summary.outputs.len();
             let done = backend.run_pass(job, pass, &mut values, &mut summary);
-            let last = pass.index + 1 == job.instance.plan.passes.len();
-            if summary.outputs.len() > before && (done.is_err() || !last) {
-                written(&summary.outputs);
-            }
             done.map_err(|error| job.check_cancel().err().unwrap_or_else(|| error.settled()))?;
         }
         summary.seconds = started.elapsed().as_secs_f64();

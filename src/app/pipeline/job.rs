@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::batch::Instance;
 use super::graph::{Edge, Graph};
 use super::memory::ClipShape;
+use super::paths::as_texts;
 use super::plan::Pass;
 use super::progress::TaskProgress;
 use super::run_error::RunError;
@@ -35,7 +36,12 @@ pub struct Job<'a> {
     pub progress: &'a TaskProgress<'a>,
     /// Set when the user stops the run: look at it once per frame.
     pub cancel: &'a Arc<AtomicBool>,
+    /// Puts a result on record before it gets its name: see [`Job::publishing`].
+    pub publishing: Option<&'a Publishing<'a>>,
 }
+
+/// Hears of a file that is whole, and of the name that it is about to get.
+pub type Publishing<'a> = dyn Fn(&Path, &Path) + Sync + 'a;
 
 /// What a run asks of each of its jobs.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,6 +53,7 @@ pub struct JobOptions {
     /// See [`Job::strict`].
     pub strict: bool,
     /// See [`Job::allow_paths`].
+    #[serde(with = "as_texts")]
     pub allow_paths: Vec<PathBuf>,
 }
 
@@ -57,9 +64,10 @@ impl<'a> Job<'a> {
         options: &'a JobOptions,
         progress: &'a TaskProgress<'a>,
         cancel: &'a Arc<AtomicBool>,
+        publishing: Option<&'a Publishing<'a>>,
     ) -> Self {
         let JobOptions { threads, overwrite, strict, ref allow_paths } = *options;
-        Self { instance, threads, overwrite, strict, allow_paths, progress, cancel }
+        Self { instance, threads, overwrite, strict, allow_paths, progress, cancel, publishing }
     }
 }
 
@@ -84,6 +92,13 @@ impl Job<'_> {
     #[must_use]
     pub fn read_limits(&self) -> ReadLimits {
         ReadLimits { allow_paths: self.allow_paths.to_vec(), ..ReadLimits::default() }
+    }
+
+    /// Call when `file` is whole and about to become `target`, or where that cannot be, just after.
+    pub fn publishing(&self, file: &Path, target: &Path) {
+        if let Some(publishing) = self.publishing {
+            publishing(file, target);
+        }
     }
 
     /// Call once per frame.

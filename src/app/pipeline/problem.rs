@@ -94,7 +94,7 @@ impl Problems {
             }
         }
         if let Some(more) = self.further() {
-            out.push_str(&format!("and {more} further errors\n"));
+            out.extend(["and ", &more.to_string(), " further errors\n"]);
         }
         out
     }

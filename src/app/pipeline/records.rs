@@ -18,6 +18,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Mutex;
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value as Json};
 
@@ -92,8 +93,8 @@ pub struct Records {
 /// The records of one folder.
 #[derive(Debug, Default)]
 struct Folder {
-    /// Last line of each item, by the name of its first result.
-    lines: HashMap<String, String>,
+    /// Last record of each item, by the name of its first result: its line, and lines of further results.
+    lines: HashMap<String, Vec<String>>,
     /// Lines of the file, those that do not count included.
     count: usize,
     /// Length of the file when it was read, bytes.
@@ -119,6 +120,15 @@ struct Record {
     inputs: Vec<InputRecord>,
     /// Files and folders that were written.
     outputs: Vec<OutputRecord>,
+}
+
+/// A line that adds a result to the record before it, so that an item of many results is not written as often.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Further {
+    /// The first result of the item.
+    name: String,
+    /// One more.
+    output: OutputRecord,
 }
 
 /// What a stage did.
@@ -187,7 +197,9 @@ impl Stamp {
         // FNV-1a: a change by accident is to be seen, not one by intent.
         let mut sum = 0xcbf2_9ce4_8422_2325_u64;
         let mut add = |bytes: &[u8]| {
-            bytes.iter().for_each(|byte| sum = (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3));
+            for byte in bytes {
+                sum = (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+            }
         };
         let mut count = 0;
         for file in &files {
@@ -316,23 +328,26 @@ impl Records {
         }
     }
 
-    /// Puts on record that `outputs` of `instance` were written; `complete`: these and all others that it writes.
+    /// Begins the record of an item whose inputs are read from now on; `None` where it writes no file. What an unfinished run left
+    /// of it stays on record.
+    pub fn begin<'a>(&'a self, instance: &'a Instance) -> Option<ItemRecord<'a>> {
+        let targets = targets(instance);
+        let (folder, name) = position(&targets)?;
+        let mut record = Record::of(instance, &folder, name);
+        let before = self.find(&folder, &record.name);
+        if let Some(before) = before.filter(|before| before.differences(&record).is_empty()) {
+            record.outputs = before.outputs;
+        }
+        let item = Mutex::new(Item { record, begun: false });
+        Some(ItemRecord { records: self, targets, folder, item })
+    }
+
+    /// Puts on record that `outputs` of `instance`, and all others that it writes, were written just now.
     ///
     /// # Errors
     /// The system's error. The results themselves are not touched.
-    pub fn note(&self, instance: &Instance, outputs: &[PathBuf], complete: bool) -> io::Result<()> {
-        let targets = targets(instance);
-        let Some((folder, name)) = position(&targets) else { return Ok(()) };
-        let mut record = Record { complete, ..Record::of(instance, &folder, name) };
-        let mut written: Vec<PathBuf> = outputs.iter().filter(|path| *path != Path::new("-")).cloned().collect();
-        written.extend(targets.into_iter().filter(|_| complete));
-        let mut seen = HashSet::new();
-        for path in written.iter().map(|path| resolved(path)).filter(|path| seen.insert(path.clone())) {
-            if let Some(file) = Stamp::of(&path) {
-                record.outputs.push(OutputRecord { path: to_text(relative(&path, &folder)), file });
-            }
-        }
-        if record.outputs.is_empty() { Ok(()) } else { self.append(&folder, &record) }
+    pub fn note(&self, instance: &Instance, outputs: &[PathBuf]) -> io::Result<()> {
+        self.begin(instance).map_or(Ok(()), |item| item.finish(outputs))
     }
 
     /// Whether the file `result` is on record as a result of this item, made from what it works on.
@@ -353,13 +368,23 @@ impl Records {
         if path_in(folder).metadata().is_ok_and(|meta| meta.len() != known.length) {
             *known = Folder { appended: known.appended, ..Folder::read(folder) };
         }
-        serde_json::from_str(known.lines.get(name)?).ok()
+        let (line, further) = known.lines.get(name)?.split_first()?;
+        let mut record: Record = serde_json::from_str(line).ok()?;
+        if !further.is_empty() {
+            let mut outputs: BTreeMap<String, OutputRecord> =
+                record.outputs.into_iter().map(|output| (output.path.clone(), output)).collect();
+            for Further { output, .. } in further.iter().filter_map(|line| serde_json::from_str(line).ok()) {
+                outputs.insert(output.path.clone(), output);
+            }
+            record.outputs = outputs.into_values().collect();
+        }
+        Some(record)
     }
 
-    fn append(&self, folder: &Path, record: &Record) -> io::Result<()> {
+    fn append(&self, folder: &Path, record: &impl Serialize) -> io::Result<()> {
         let line = serde_json::to_string(record)?;
         if line.len() as u64 >= MAX_LINE {
-            return Err(io::Error::other(format!("{} results are too many for one record", record.outputs.len())));
+            return Err(io::Error::other("it has too many results for one record"));
         }
         let Ok(mut folders) = self.folders.lock() else { return Ok(()) };
         let known = folders.entry(folder.to_owned()).or_insert_with(|| Folder::read(folder));
@@ -378,9 +403,8 @@ impl Records {
         if length == known.length {
             known.length = length + text.len() as u64;
         }
-        known.count += 1;
         known.appended = true;
-        known.lines.insert(record.name.clone(), line);
+        known.add(line.as_bytes());
         Ok(())
     }
 
@@ -390,11 +414,72 @@ impl Records {
     /// The system's error; the records stay as they are.
     pub fn compact(&self) -> io::Result<()> {
         let Ok(folders) = self.folders.lock() else { return Ok(()) };
-        let long = |known: &&Folder| known.appended && known.count > LINES_PER_RECORD * known.lines.len() + 64;
+        let live = |known: &Folder| known.lines.values().map(Vec::len).sum::<usize>();
+        let long = |known: &&Folder| known.appended && known.count > LINES_PER_RECORD * live(known) + 64;
         for (folder, _) in folders.iter().filter(|(_, known)| long(known)) {
             compact(folder)?;
         }
         Ok(())
+    }
+}
+
+/// The record of an item at work.
+///
+/// A result is on record before it has its name, by size and time of the file that is to get it: whenever a run is killed, what
+/// is there is known to be its own.
+#[derive(Debug)]
+pub struct ItemRecord<'a> {
+    records: &'a Records,
+    targets: Vec<PathBuf>,
+    folder: PathBuf,
+    item: Mutex<Item>,
+}
+
+#[derive(Debug)]
+struct Item {
+    record: Record,
+    /// Its line was written, and lines of single results follow.
+    begun: bool,
+}
+
+impl ItemRecord<'_> {
+    /// `file` is whole and is about to become `target`, or has just become it.
+    ///
+    /// # Errors
+    /// The system's error. The results themselves are not touched.
+    pub fn publishing(&self, file: &Path, target: &Path) -> io::Result<()> {
+        let Ok(mut item) = self.item.lock() else { return Ok(()) };
+        let Some(output) = self.output(file, target) else { return Ok(()) };
+        if !item.begun {
+            self.records.append(&self.folder, &item.record)?;
+            item.begun = true;
+        }
+        self.records.append(&self.folder, &Further { name: item.record.name.clone(), output })
+    }
+
+    /// `outputs` were written, and all other results of the item.
+    ///
+    /// # Errors
+    /// The system's error. The results themselves are not touched.
+    pub fn finish(&self, outputs: &[PathBuf]) -> io::Result<()> {
+        let Ok(mut item) = self.item.lock() else { return Ok(()) };
+        let record = &mut item.record;
+        record.outputs.clear();
+        let mut seen = HashSet::new();
+        for path in outputs.iter().filter(|path| *path != Path::new("-")).chain(&self.targets) {
+            if seen.insert(resolved(path)) {
+                record.outputs.extend(self.output(path, path));
+            }
+        }
+        record.complete = true;
+        if record.outputs.is_empty() { Ok(()) } else { self.records.append(&self.folder, record) }
+    }
+
+    /// `target` as `file` is now.
+    fn output(&self, file: &Path, target: &Path) -> Option<OutputRecord> {
+        let folder = self.folder.canonicalize().unwrap_or_else(|_| self.folder.clone());
+        let path = to_text(relative(&resolved(target), &folder));
+        Stamp::of(file).map(|file| OutputRecord { path, file })
     }
 }
 
@@ -457,7 +542,9 @@ fn compact(folder: &Path) -> io::Result<()> {
     names.sort();
     let mut out = tempfile::NamedTempFile::new_in(folder.join(RECORDS_FOLDER))?;
     for name in names {
-        writeln!(out, "{}", known.lines[name])?;
+        for line in &known.lines[name] {
+            writeln!(out, "{line}")?;
+        }
     }
     out.as_file().sync_all()?;
     out.persist(&path).map_err(|e| e.error)?;
@@ -497,11 +584,21 @@ impl Folder {
         #[derive(Deserialize)]
         struct Head {
             name: String,
+            output: Option<IgnoredAny>,
         }
         self.count += 1;
         let Ok(line) = std::str::from_utf8(bytes) else { return };
-        if let Ok(Head { name }) = serde_json::from_str(line) {
-            self.lines.insert(name, line.trim_end().to_owned());
+        let line = line.trim_end().to_owned();
+        match serde_json::from_str(&line) {
+            Ok(Head { name, output: None }) => {
+                self.lines.insert(name, vec![line]);
+            }
+            Ok(Head { name, output: Some(_) }) => {
+                if let Some(lines) = self.lines.get_mut(&name) {
+                    lines.push(line);
+                }
+            }
+            Err(_) => {}
         }
     }
 }

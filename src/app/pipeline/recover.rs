@@ -56,7 +56,12 @@ pub(super) fn parse_recovering(sources: &Sources, id: SourceId) -> Recovered {
         }
         problem.labels.iter_mut().for_each(|(span, _)| *span = original(*span, &copy.origin));
         out.problems.push(problem);
+        let before = copy.text.clone();
         out.incomplete |= !copy.mend(at, error.message().contains("duplicate key"));
+        // Nothing is left to try.
+        if copy.text == before {
+            break;
+        }
     }
     out.incomplete = true;
     out
@@ -174,7 +179,6 @@ impl Copy {
                     i += 2;
                 }
                 (quote, Some((open, false))) if quote == open => string = None,
-                (_, Some(_)) => {}
                 (b'#', None) => i += bytes[i..].iter().position(|b| *b == b'\n').unwrap_or(bytes.len() - i) - 1,
                 (quote @ (b'"' | b'\''), None) if long(quote) => {
                     string = Some((quote, true));
@@ -253,7 +257,9 @@ fn mark(entry: &mut Entry, unknown: &HashSet<usize>) {
         entry.node.value = Value::Unknown;
     }
     if let Value::Table(entries) = &mut entry.node.value {
-        entries.iter_mut().for_each(|entry| mark(entry, unknown));
+        for entry in entries {
+            mark(entry, unknown);
+        }
     }
 }
 

@@ -84,8 +84,12 @@ pub struct Results {
 impl Results {
     /// Of a run that ended with `exit`.
     pub fn of(report: &Report, instances: &[Instance], exit: Exit, seconds: f64) -> Self {
-        let items: Vec<ItemResult> =
-            report.items.iter().zip(instances).map(|(i, instance)| ItemResult::of(&i.result, instance)).collect();
+        let items: Vec<ItemResult> = report
+            .items
+            .iter()
+            .zip(instances)
+            .map(|(i, instance)| ItemResult::of(i.result.as_ref(), instance))
+            .collect();
         let count = |status| items.iter().filter(|item| item.status == status).count();
         Self {
             format: KIND.format.to_owned(),
@@ -147,7 +151,7 @@ impl Results {
 }
 
 impl ItemResult {
-    fn of(result: &Option<Result<super::summary::Summary, RunError>>, instance: &Instance) -> Self {
+    fn of(result: Option<&Result<super::summary::Summary, RunError>>, instance: &Instance) -> Self {
         let input = match &instance.item {
             Some(item) => Some(to_text(&item.path)),
             None => instance.inputs().first().map(to_text),

@@ -50,9 +50,7 @@ pub(crate) fn write_whole(path: &Path, bytes: impl AsRef<[u8]>, if_exists: IfExi
 impl Context<'_, '_> {
     /// Writes a file and lists it among the outputs.
     pub(crate) fn write_file(&mut self, path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), RunError> {
-        write_whole(path, bytes, self.job.if_exists())?;
-        self.summary.outputs.push(path.to_owned());
-        Ok(())
+        self.fill_file(path, |out| out.write_all(bytes.as_ref()))
     }
 
     /// Writes a file piece by piece and lists it among the outputs.
@@ -66,7 +64,9 @@ impl Context<'_, '_> {
     {
         self.job.check_cancel()?;
         let if_exists = self.job.if_exists();
-        filled(path, if_exists, write)?.publish(path, if_exists).map_err(|e| cannot(path, &e))?;
+        let unfinished = filled(path, if_exists, write)?;
+        self.job.publishing(unfinished.path(), path);
+        unfinished.publish(path, if_exists).map_err(|e| cannot(path, &e))?;
         self.summary.outputs.push(path.to_owned());
         Ok(())
     }

@@ -318,6 +318,7 @@ mod tests {
             strict: false,
             progress: &progress,
             cancel: &cancel,
+            publishing: None,
         };
         let (mut values, mut summary) = (ArtifactStore::default(), Summary::default());
         let pass = &instance.plan.passes[0];

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::files::{cannot, filled, try_begin};
 use super::prelude::*;
+use crate::pipeline::Job;
 use crate::pipeline::paths::to_path;
 use plumbline_num::files::{AtomicFile, IfExists, publish_all};
 use plumbline_video::motion::ClipMotion;
@@ -73,7 +74,7 @@ impl Stage for MotionExportSettings {
             written.file(&to_path(path), |out| Ok(write_csv(motion, out)?))?;
         }
         let warnings = std::mem::take(&mut written.warnings);
-        let outputs = written.publish()?;
+        let outputs = written.publish(context.job)?;
         context.summary.outputs.extend(outputs);
         for warning in warnings {
             context.warn(warning);
@@ -143,8 +144,9 @@ impl Written {
         Ok(())
     }
 
-    fn publish(self) -> Result<Vec<PathBuf>, RunError> {
+    fn publish(self, job: &Job<'_>) -> Result<Vec<PathBuf>, RunError> {
         let first = self.files.first().map(|(_, path)| path.clone()).unwrap_or_default();
+        self.files.iter().for_each(|(unfinished, path)| job.publishing(unfinished.path(), path));
         publish_all(self.files, self.if_exists).map_err(|e| cannot(&first, &e))?;
         for path in self.stale {
             std::fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;

@@ -34,6 +34,8 @@ pub(super) struct Target {
     pub(super) path: PathBuf,
     pub(super) ascii: bool,
     pub(super) if_exists: IfExists,
+    /// It is in a folder of results, which is made where it is missing.
+    pub(super) in_folder: bool,
 }
 
 impl MeshTargetArgs {
@@ -47,7 +49,12 @@ impl MeshTargetArgs {
                 return Err(Failure::usage(format!("two inputs would be written as `{}`", path.display())));
             }
             self.check(&path, &read)?;
-            targets.push(Target { path, ascii: self.ascii, if_exists: IfExists::overwrite(self.overwrite) });
+            targets.push(Target {
+                path,
+                ascii: self.ascii,
+                if_exists: IfExists::overwrite(self.overwrite),
+                in_folder: self.names.out_dir.is_some(),
+            });
         }
         Ok(targets)
     }
@@ -107,7 +114,5 @@ pub(super) fn all_inputs(given: &[String], recurse: bool) -> Result<Vec<Found>, 
         }
         inputs.extend(found);
     }
-    let mut seen = HashSet::new();
-    inputs.retain(|found| seen.insert(found.path.clone()));
     Ok(inputs)
 }

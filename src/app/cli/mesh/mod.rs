@@ -266,8 +266,8 @@ fn repaired(model: &Model, options: &RepairOptions, target: &Target, run: &Run) 
 }
 
 fn written(model: &Model, target: &Target, run: &Run) -> Result<Report, MeshError> {
-    let Target { path, ascii, if_exists } = target;
-    if let Some(folder) = path.parent() {
+    let Target { path, ascii, if_exists, in_folder } = target;
+    if let Some(folder) = path.parent().filter(|_| *in_folder) {
         // A folder that cannot be made is reported with the file that cannot be written there.
         let _ = std::fs::create_dir_all(folder);
     }

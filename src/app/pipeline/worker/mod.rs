@@ -20,14 +20,17 @@ pub use order::Order;
 pub use pool::{Pool, Worker, WorkerProgram};
 pub use serve::serve;
 
+/// What a worker waits for before it gives a result its name: the result is on record.
+const RECORDED: &str = "recorded";
+
 /// What a worker says of its order.
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Reply {
     /// How far it is.
     Tick(Tick),
-    /// Files that were written so far, while more is to come.
-    Written(Paths),
+    /// A file is whole and about to get a name, both of which follow; the worker waits for [`RECORDED`].
+    Publishing(Paths),
     /// It is done.
     Done(Box<Summary>),
     /// It failed: exit status of the fault, and its message.

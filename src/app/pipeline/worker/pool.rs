@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::{Order, Reply};
+use super::{Order, RECORDED, Reply};
+use crate::pipeline::job::Publishing;
 use crate::pipeline::paths::Paths;
 use crate::pipeline::progress::{Event, Progress};
 use crate::pipeline::run_error::{Exit, RunError};
@@ -81,7 +82,7 @@ impl Pool {
 }
 
 impl Worker<'_> {
-    /// Does an order, and passes on how far it is; `written` hears of files that were written while more is to come.
+    /// Does an order, and passes on how far it is; `publishing` is asked before a result gets its name.
     ///
     /// # Errors
     /// What the worker reports; [`RunError::Internal`] where it dies of a crash, [`RunError::Temporary`] where it is killed.
@@ -90,7 +91,7 @@ impl Worker<'_> {
         order: &Order,
         task: &str,
         progress: &dyn Progress,
-        written: &dyn Fn(&[PathBuf]),
+        publishing: &Publishing<'_>,
     ) -> Result<Summary, RunError> {
         let process = match self.process.take() {
             Some(process) => process,
@@ -98,11 +99,16 @@ impl Worker<'_> {
         };
         let process = self.process.insert(process);
         // A worker that died takes no order, and sends no reply either.
-        let _ = process.send(order);
+        let _ = serde_json::to_string(order).map_err(Into::into).and_then(|order| process.send(&order));
         loop {
             match process.reply() {
                 Some(Reply::Tick(tick)) => progress.event(&Event::TaskProgress { task, tick: &tick }),
-                Some(Reply::Written(Paths(files))) => written(&files),
+                Some(Reply::Publishing(Paths(paths))) => {
+                    if let [file, target] = paths.as_slice() {
+                        publishing(file, target);
+                    }
+                    let _ = process.send(RECORDED);
+                }
                 Some(Reply::Done(summary)) => return Ok(*summary),
                 Some(Reply::Failed(exit, message)) => return Err(RunError::of_message(exit, message)),
                 None => break,
@@ -121,10 +127,8 @@ impl Drop for Worker<'_> {
 }
 
 impl Process {
-    fn send(&self, order: &Order) -> std::io::Result<()> {
-        let mut line = serde_json::to_string(order)?;
-        line.push('\n');
-        locked(&self.orders).as_mut().map_or(Ok(()), |orders| orders.write_all(line.as_bytes()))
+    fn send(&self, line: &str) -> std::io::Result<()> {
+        locked(&self.orders).as_mut().map_or(Ok(()), |orders| orders.write_all(format!("{line}\n").as_bytes()))
     }
 
     /// `None` where no more can come.

@@ -1,13 +1,13 @@
 //! The worker's side: takes orders until there are no more.
 
 use std::io::{BufRead, Write};
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 
-use super::{Order, Reply};
+use super::{Order, RECORDED, Reply};
 use crate::pipeline::execute::do_work;
-use crate::pipeline::job::{Job, StageRunner};
+use crate::pipeline::job::{Job, Publishing, StageRunner};
 use crate::pipeline::paths::Paths;
 use crate::pipeline::progress::{Event, Progress, TaskProgress};
 use crate::pipeline::run_error::RunError;
@@ -28,9 +28,14 @@ pub fn serve(
 ) -> Result<(), RunError> {
     let working = Arc::new(AtomicBool::new(false));
     let (sender, receiver) = mpsc::channel();
+    let (recorded, records) = mpsc::channel();
     let at_work = Arc::clone(&working);
     let read = move || {
         for line in orders.lines().map_while(Result::ok) {
+            if line == RECORDED {
+                let _ = recorded.send(());
+                continue;
+            }
             at_work.store(true, Ordering::SeqCst);
             if sender.send(line).is_err() {
                 return;
@@ -43,10 +48,16 @@ pub fn serve(
     let no_thread = |e| RunError::Temporary(format!("no thread for a worker: {e}"));
     std::thread::Builder::new().name("orders".to_owned()).spawn(read).map_err(no_thread)?;
     let replies = Replies(Mutex::new(replies));
+    let records = Mutex::new(records);
+    let publishing = |file: &Path, target: &Path| {
+        // One at a time, so that each waits for its own answer; where nobody answers, the result says so.
+        let Ok(records) = records.lock() else { return };
+        if replies.send(&Reply::Publishing(Paths(vec![file.to_owned(), target.to_owned()]))).is_ok() {
+            let _ = records.recv();
+        }
+    };
     for line in receiver {
-        // Where nobody reads, the result says so.
-        let written = |files: &[PathBuf]| drop(replies.send(&Reply::Written(Paths(files.to_vec()))));
-        let reply = Reply::from(done(&line, backend, &replies, cancel, &written));
+        let reply = Reply::from(done(&line, backend, &replies, cancel, &publishing));
         // Before the reply: once it is read, the orders may end.
         working.store(false, Ordering::SeqCst);
         replies.send(&reply).map_err(|e| RunError::Temporary(format!("nobody reads what a worker says: {e}")))?;
@@ -59,12 +70,12 @@ fn done(
     backend: &dyn StageRunner,
     progress: &dyn Progress,
     cancel: &Arc<AtomicBool>,
-    written: &dyn Fn(&[PathBuf]),
+    publishing: &Publishing<'_>,
 ) -> Result<Summary, RunError> {
     let order: Order = serde_json::from_str(line).map_err(|e| RunError::Internal(format!("an order: {e}")))?;
     let instance = order.instance().map_err(RunError::Internal)?;
     let progress = TaskProgress::new(progress, &instance.key, instance.plan.passes.len());
-    do_work(&Job::new(&instance, &order.options, &progress, cancel), backend, written)
+    do_work(&Job::new(&instance, &order.options, &progress, cancel, Some(publishing)), backend)
 }
 
 /// Where replies go.

@@ -138,6 +138,7 @@ fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunErro
     for sink in sinks {
         context.job.check_cancel()?;
         let (output, size, written) = sink.finish()?;
+        context.job.publishing(output.path(), output.path());
         report_file(context.summary, &output, size, written);
     }
     Ok(())
