@@ -231,6 +231,7 @@ mod tests {
                     name: "path".into(),
                     kind: stages::find("video.smooth"),
                     inputs: Vec::new(),
+                    unsound: false,
                     enable: None,
                     settings: vec![Entry::built(settings, Value::Float(0.9))],
                     unsound: false,
