@@ -54,6 +54,7 @@ def mutated(example, rng):
 
 def convert(program, folder, out, extension, inputs):
     """Converts all files in one run; returns what was reported of each."""
+    pathlib.Path(out).mkdir(exist_ok=True)
     command = [program, "mesh", "convert", "--json", *inputs, "--out-dir", out, "--format", extension]
     ran = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if ran.returncode not in (0, 3, 65):
@@ -142,6 +143,7 @@ def examples(program, folder):
         found[extension] = [p.read_bytes() for p in sorted(out.iterdir())]
         if extension in ("ply", "stl"):
             text = pathlib.Path(folder, f"text-{extension}")
+            text.mkdir()
             command = [program, "mesh", "convert", *map(str, meshes), "--out-dir", str(text), "--format", extension, "--ascii"]
             subprocess.run(command, cwd=folder, check=True, capture_output=True)
             found[extension] += [p.read_bytes() for p in sorted(text.iterdir())]
@@ -164,6 +166,7 @@ def main():
             mutants |= {f"whole{k}.{extension}": whole for k, whole in enumerate(wholes)}
             place, out = pathlib.Path(folder, f"in-{extension}"), pathlib.Path(folder, f"out-{extension}")
             place.mkdir()
+            out.mkdir()
             for name, data in mutants.items():
                 (place / name).write_bytes(data)
             report = {}

@@ -171,26 +171,26 @@ mod tests {
     fn paths_inside_a_file_stay_in_its_folder_unless_another_is_allowed() {
         let place = tempfile::tempdir().unwrap();
         let at = |name: &str| place.path().join(name);
-        for folder in ["home/parts", "shared", "home2"] {
+        for folder in ["home/parts", "common", "home2"] {
             std::fs::create_dir_all(at(folder)).unwrap();
         }
-        for file in ["home/a.bin", "home/parts/b.bin", "shared/c.bin", "home2/d.bin"] {
+        for file in ["home/a.bin", "home/parts/b.bin", "common/c.bin", "home2/d.bin"] {
             std::fs::write(at(file), file).unwrap();
         }
         #[cfg(unix)]
         {
-            std::os::unix::fs::symlink(at("shared/c.bin"), at("home/link.bin")).unwrap();
+            std::os::unix::fs::symlink(at("common/c.bin"), at("home/link.bin")).unwrap();
             std::os::unix::fs::symlink(at("home/a.bin"), at("home/parts/back.bin")).unwrap();
-            std::os::unix::fs::symlink(at("shared"), at("home/folder")).unwrap();
+            std::os::unix::fs::symlink(at("common"), at("home/folder")).unwrap();
         }
-        let (file, absolute) = (at("home/model.gltf"), at("shared/c.bin"));
-        let (alone, widened) = (FileAccess::of_file(&file, &[]), [at("shared")]);
+        let (file, absolute) = (at("home/model.gltf"), at("common/c.bin"));
+        let (alone, widened) = (FileAccess::of_file(&file, &[]), [at("common")]);
         let widened = FileAccess::of_file(&file, &widened);
         for inside in ["a.bin", "./a.bin", "parts/b.bin", "parts/../a.bin", "parts/back.bin"] {
             assert!(alone.resolve(inside.as_ref()).is_ok() && widened.open(inside.as_ref()).is_ok(), "{inside}");
         }
         let absolute = absolute.to_str().unwrap();
-        for outside in ["../shared/c.bin", "link.bin", "folder/c.bin", absolute] {
+        for outside in ["../common/c.bin", "link.bin", "folder/c.bin", absolute] {
             let error = alone.resolve(outside.as_ref()).unwrap_err().to_string();
             assert!(error.contains(&format!("{outside:?} leads outside")) && error.contains("--allow-path"), "{error}");
             assert!(widened.resolve(outside.as_ref()).is_ok(), "{outside}");
