@@ -79,7 +79,8 @@ impl Copier {
         if stream.is_chapter_track() {
             return Ok(None); // written anew from the chapters
         }
-        if format.accepts(stream) {
+        let second = self.demuxer.is_video(index);
+        if format.accepts(stream) && (!second || format.accepts_as_second(stream)) {
             self.ways[index] = Way::Copied { out: muxer.add_copy(stream)?, times: None };
             return Ok(None);
         }

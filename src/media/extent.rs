@@ -446,6 +446,7 @@ fn dv(bytes: &mut Bytes) -> Option<Extent> {
 
 /// Chunks of `type, size`.
 fn real_media(bytes: &mut Bytes) -> Option<Extent> {
+    const SLACK: u64 = 32;
     let mut at = 0;
     for _ in 0..MAX_PARTS {
         if at >= bytes.length {
@@ -457,7 +458,8 @@ fn real_media(bytes: &mut Bytes) -> Option<Extent> {
             return None; // of unknown size
         }
         at += size;
-        if let Some(cut) = bytes.ends_at(at) {
+        // FFmpeg's muxer counts the header of the chunk of packets twice.
+        if let Some(cut) = bytes.ends_at(at.saturating_sub(SLACK)) {
             return Some(cut);
         }
     }

@@ -263,15 +263,11 @@ impl Input {
         self.file().is_ok_and(|file| extent::of(file, &demuxer.format_name()) != Extent::Whole)
     }
 
-    /// Some stream has a packet that ends later than `from`, s on the file's clock. Read from the last key frame of `stream` before
-    /// it on; a file that cannot be searched counts as having one.
-    pub(super) fn has_packets_at(&self, stream: usize, from: f64, slack: f64) -> bool {
+    /// Some stream has a packet that ends later than `from`, s on the file's clock. The whole file is read, since seeking relies on
+    /// the index that is in doubt; a file that cannot be opened counts as having one.
+    pub(super) fn has_packets_at(&self, from: f64) -> bool {
         let Ok(mut demuxer) = self.demux() else { return true };
-        let base = demuxer.stream(stream).time_base();
         let micro = |s: f64| (s * 1e6).round() as i64;
-        if demuxer.seek(stream, Rational::MICRO.rescale(micro(from - slack), base)).is_err() {
-            return true;
-        }
         let mut packet = Packet::new();
         loop {
             match demuxer.read(&mut packet) {

@@ -18,6 +18,7 @@ const MARGIN_US: i64 = 60_000_000;
 /// The times of one stream.
 pub(super) struct PacketTimes {
     sound: bool,
+    video: bool,
     /// Times may repeat: subtitles, and containers that allow it.
     repeats: bool,
     /// Times that are possible, and the farthest a display time may be behind its decoding time; ticks.
@@ -39,6 +40,7 @@ impl PacketTimes {
         let end = duration_us.map_or(i64::MAX / 4, |d| ticks(d.saturating_add(MARGIN_US)));
         Self {
             sound: kind == Kind::Audio,
+            video: kind == Kind::Video,
             repeats: !strict || matches!(kind, Kind::Subtitle | Kind::Data),
             window: (ticks(-MARGIN_US), end.min(i64::MAX / 4)),
             reorder: ticks(MARGIN_US),
@@ -71,6 +73,9 @@ impl PacketTimes {
 
     fn mend(&mut self, mut packet: Packet, next: Option<i64>) -> Option<Packet> {
         let given = (packet.pts(), packet.dts());
+        if self.video && given.1.is_none() && given.0.is_some_and(|pts| self.is_possible(pts)) {
+            return Some(packet); // muxers find the decoding times of the first reordered pictures themselves
+        }
         let time = given.1.or(given.0).filter(|t| self.is_possible(*t));
         let follows = self.last.map_or(0, |(_, end)| end);
         let first = self.last.map(|(last, _)| if self.repeats { last } else { last + 1 });

@@ -94,8 +94,7 @@ impl Playlist {
         let options = match self.format.name().as_str() {
             "hls" => Dictionary::new()
                 .with("live_start_index", "0")
-                .with("max_reload", "0")
-                .with("m3u8_hold_counters", "0")
+                .with("max_reload", "3")
                 .with("protocol_whitelist", "file"),
             _ => Dictionary::new().with("safe", "0").with("protocol_whitelist", "file"),
         };

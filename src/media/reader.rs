@@ -141,7 +141,9 @@ impl VideoReader {
         // Whatever is missing behind the end of the span was not asked for.
         self.report.truncated = !self.core.passed_span && (self.report.truncated || self.cut || self.is_incomplete());
         if self.report.truncated {
-            self.report.announced = self.info.frames_estimate;
+            let header = self.core.demuxer.announced_us().filter(|_| self.span.is_whole()).map(|us| us as f64 * 1e-6);
+            let by_time = || header.zip(self.info.frame_rate).map(|(s, rate)| (s * rate.value()).round() as u64);
+            self.report.announced = self.info.frames_estimate.or_else(by_time);
         }
         if self.report.bad_packets > 0 || self.report.truncated {
             tracing::warn!("{}: {}", self.name, self.report);
@@ -167,7 +169,8 @@ impl VideoReader {
         let slack = (relative * length).max(least);
         let origin = self.core.demuxer.start_us().unwrap_or(0) as f64 * 1e-6;
         let end = origin + self.source.span().1.unwrap_or(length).min(length);
-        end - self.reached as f64 * unit > slack && !self.source.has_packets_at(self.core.stream, end - slack, slack)
+        let short = end - self.reached as f64 * unit > slack;
+        short && (self.report.lost > 0 || !self.source.has_packets_at(end - slack))
     }
 
     fn accept(&mut self, picture: AvFrame) -> Result<(), MediaError> {

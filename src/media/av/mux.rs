@@ -62,6 +62,17 @@ impl OutputFormat {
         };
         stream.codec_known() && trial().is_ok()
     }
+
+    /// Whether the container can hold `stream` beside another video.
+    pub(crate) fn accepts_as_second(self, stream: StreamRef<'_>) -> bool {
+        let trial = || -> Result<(), AvError> {
+            let mut muxer = Muxer::in_memory(self)?;
+            muxer.add_copy(stream)?;
+            muxer.add_copy(stream)?;
+            muxer.write_header(Dictionary::new())
+        };
+        trial().is_ok()
+    }
 }
 
 /// Where the bytes go, and who closes it.
