@@ -20,7 +20,7 @@ import numpy as np
 from _programs import program
 from lens import HEIGHT, K, WIDTH, ZERO, rays_within, written
 
-LENSES = 60
+LENSES = 24
 # px relative to the distance from the center; OpenCV computes in double precision.
 TOLERANCE = 1e-6
 

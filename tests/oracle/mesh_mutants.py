@@ -24,7 +24,7 @@ import sys
 import tempfile
 
 SKIPPED = 77
-MUTANTS = int(os.environ.get("PLUMBLINE_CASES", "300"))
+MUTANTS = int(os.environ.get("PLUMBLINE_CASES", "60"))
 WORDS = [b"0", b"-1", b"1e9", b"2", b"nan", b"3", b"\n", b" ", b"#", b"f 1 2 3\n", b"v 0 0 2\n", b"1.5", b"/", b"4 0 1 2 3\n"]
 
 

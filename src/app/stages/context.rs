@@ -6,6 +6,7 @@ use super::video_decode::DecodeSettings;
 use crate::pipeline::graph::{Edge, Stage};
 use crate::pipeline::items::pictures;
 use crate::pipeline::job::{ArtifactStore, Job};
+use crate::pipeline::paths::to_path;
 use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::{InputSummary, Summary};
@@ -121,7 +122,7 @@ pub(crate) fn open_input(text: &str, interrupt: &Interrupt) -> Result<Input, Med
         None if text == "-" => {
             Input::standard_input(&SpoolOptions { interrupt: interrupt.clone(), ..SpoolOptions::default() })
         }
-        None => Input::parse(text),
+        None => Input::parse(to_path(text)),
     }
 }
 

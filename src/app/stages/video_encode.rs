@@ -2,6 +2,7 @@
 
 use super::clip::encoding;
 use super::prelude::*;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::units::BitRate;
 use plumbline_media::{Codec, EncoderChoice, Output, check_encoder};
 
@@ -84,7 +85,7 @@ impl Stage for EncodeSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        let output = Output::parse(&self.path);
+        let output = Output::parse(to_path(&self.path));
         output.preflight()?;
         if output.is_sequence() {
             return Ok(());

@@ -6,6 +6,7 @@ use super::sampling::Sampled;
 use super::side_by_side::{SideBySide, paste};
 use super::stream::hand_on;
 use crate::pipeline::job::Job;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::EncodeSettings;
 use plumbline_image::Frame;
@@ -40,7 +41,7 @@ impl Sink {
         passthrough: PassthroughStreams,
         beside: bool,
     ) -> Result<Self, RunError> {
-        let output = Output::parse(&settings.path);
+        let output = Output::parse(to_path(&settings.path));
         let beside = beside.then(|| SideBySide::of(video));
         let video = beside.map_or_else(|| video.clone(), |b| b.video(video));
         let options = WriteOptions { passthrough, ..write_options(settings, job) };

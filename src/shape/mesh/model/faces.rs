@@ -8,7 +8,7 @@ use nalgebra::{Point2, Point3, Vector3};
 /// time for a hostile file with one huge polygon. Larger polygons become fans.
 const MAX_EARS: usize = 2048;
 /// Maximum number of tests of a point in a triangle, over the square of the number of corners: simple polygons take up to one.
-const MAX_WORK: usize = 16;
+const MAX_WORK: usize = 4;
 
 /// Polygons in compressed form: one list of corners, with the first corner of each polygon.
 ///
