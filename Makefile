@@ -38,7 +38,7 @@ deny:
 memcheck: deps
 	@.ci/deps long
 	CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="valgrind --quiet --error-exitcode=9" \
-		cargo test --locked --package plumbline-media --lib
+		cargo test --workspace --locked --lib av::
 
 soak: deps
 	cargo build --release --locked

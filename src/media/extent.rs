@@ -43,12 +43,15 @@ pub(super) enum Extent {
 
 const CUT: Extent = Extent::Cut { announced: None };
 
+/// Reads the extent from the bytes of one container; `None` where they cannot be understood.
+type Rule = fn(&mut Bytes) -> Option<Extent>;
+
 /// The extent of `file`, which FFmpeg takes for `container` (short names, separated by commas). Whatever cannot be read or
 /// understood counts as whole.
 pub(super) fn of(file: File, container: &str) -> Extent {
     let Some(mut bytes) = Bytes::of(file) else { return Extent::Whole };
     let named = |name: &str| container.split(',').any(|n| n == name);
-    let rules: [(&str, fn(&mut Bytes) -> Option<Extent>); 17] = [
+    let rules: [(&str, Rule); 17] = [
         ("mov", boxes),
         ("matroska", matroska),
         ("avi", riff),
@@ -345,8 +348,8 @@ fn program_stream(bytes: &mut Bytes) -> Option<Extent> {
     loop {
         let rest = &tail[at..];
         let size = match rest {
-            [] => return Some(Extent::Whole),
-            [0, 0, 1, 0xb9, ..] => return Some(Extent::Whole), // the end code
+            // The end of the file, or the end code.
+            [] | [0, 0, 1, 0xb9, ..] => return Some(Extent::Whole),
             [0, 0, 1, 0xba, first, ..] if first >> 6 == 1 => match rest.get(13) {
                 Some(stuffing) => 14 + usize::from(stuffing & 7),
                 None => return Some(CUT),

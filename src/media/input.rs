@@ -450,6 +450,9 @@ fn open(path: &Path, name: &str) -> Result<File, MediaError> {
     open_regular(path).map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => MediaError::Missing { path: name.to_owned() },
         // A clip is read more than once.
+        std::io::ErrorKind::InvalidInput if path.is_dir() => {
+            MediaError::input(name, "cannot be read: it is a folder".to_owned())
+        }
         std::io::ErrorKind::InvalidInput => {
             MediaError::input(name, format!("cannot be read: it is {e}; - reads standard input, which is copied"))
         }

@@ -25,7 +25,7 @@ struct Writer {
 
 impl StageRunner for Writer {
     fn probe(&self, input: &Path, _: bool) -> Result<Probed, RunError> {
-        Err(RunError::Input(input.to_owned()))
+        Err(RunError::Input(input.display().to_string()))
     }
 
     fn run_pass(

@@ -39,7 +39,15 @@ fn each(job: &WritingJob, limits: &[String], named: &str) -> usize {
                 met += 1;
                 assert_eq!(code, Some(75), "{what}");
                 assert!(err(&ran).contains(named), "{what}");
-                assert!(left == inputs, "{what}: {:?}", left.keys());
+                assert!(
+                    inputs.iter().all(|(file, bytes)| left.get(file) == Some(bytes)),
+                    "{what}: an input has changed"
+                );
+                // A first result may be there, and is whole; one that is not has another name.
+                for name in left.keys().filter(|name| !inputs.contains_key(*name)) {
+                    assert!(!name.contains(".partial-"), "{what}: {name}");
+                    std::fs::remove_file(folder.path().join(name)).expect("a result");
+                }
             }
         }
     }

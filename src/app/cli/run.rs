@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 
 use super::failure::Failure;
 use super::job::{AgainArgs, JobArgs};
-use super::session::{Session, Verbosity};
+use super::session::{RESULTS, Session, Verbosity};
 use super::{PipelineArgs, print, worker};
 use crate::pipeline::execute::{Backend, Report, execute};
 use crate::pipeline::options::ProgressMode;
@@ -172,11 +172,11 @@ fn print_report(report: &Report, verbosity: Verbosity, reported: bool) {
 /// The same for the log.
 fn log(report: &Report) {
     for (key, summary) in report.done() {
-        summary.warnings.iter().for_each(|warning| tracing::warn!("{key}: {warning}"));
-        tracing::info!("{key}: {}", summary.brief().lines().next().unwrap_or_default());
+        summary.warnings.iter().for_each(|warning| tracing::warn!(target: RESULTS, "{key}: {warning}"));
+        tracing::info!(target: RESULTS, "{key}: {}", summary.brief().lines().next().unwrap_or_default());
     }
-    report.failures().for_each(|(key, error)| tracing::error!("{key}: {error}"));
-    report.skipped().for_each(|key| tracing::warn!("{key}: not started"));
+    report.failures().for_each(|(key, error)| tracing::error!(target: RESULTS, "{key}: {error}"));
+    report.skipped().for_each(|key| tracing::warn!(target: RESULTS, "{key}: not started"));
 }
 
 /// The paths written, one per line, for programs; a person has read them in the summary.

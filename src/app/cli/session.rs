@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{ArgAction, Args};
-use tracing_subscriber::filter::EnvFilter;
+use tracing_subscriber::filter::{EnvFilter, FilterExt, filter_fn};
 use tracing_subscriber::fmt::layer;
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
@@ -36,6 +36,9 @@ pub(super) struct GlobalArgs {
     #[arg(short = 'i', global = true, hide = true, value_name = "FILE", value_parser = refuse_input_flag)]
     _input: Option<String>,
 }
+
+/// Target of the events that say how an item ended.
+pub(super) const RESULTS: &str = "plumbline::results";
 
 /// How much is printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,8 +106,10 @@ impl GlobalArgs {
         let plain = file.is_some();
         let to_file = file.map(|file| layer().with_ansi(false).with_writer(file).with_filter(filter("info")));
         // What goes to the file need not be on the screen as well, unless asked for.
+        // How each item ended is printed there in any case.
+        let shown = filter_fn(|event| event.target() != RESULTS).and(filter("off"));
         let to_screen =
-            (!plain || self.log().is_some()).then(|| layer().with_writer(std::io::stderr).with_filter(filter("off")));
+            (!plain || self.log().is_some()).then(|| layer().with_writer(std::io::stderr).with_filter(shown));
         // A second start in one process keeps the first subscriber.
         let _ = tracing_subscriber::registry().with(to_file).with(to_screen).try_init();
         if plain {

@@ -19,7 +19,7 @@ pub(super) struct SkinArgs {
 #[derive(Debug, Subcommand)]
 enum SkinCommand {
     /// Compute the skinning weights of a mesh for a skeleton
-    Weights(JobCommand<WeightsArgs>),
+    Weights(Box<JobCommand<WeightsArgs>>),
     /// Learn a skin from poses of a mesh (rotational regression)
     Train(Box<JobCommand<TrainArgs>>),
 }

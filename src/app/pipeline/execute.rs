@@ -192,7 +192,7 @@ impl Executor<'_> {
                 let _ = start(scope, "stop", move || self.stop_workers(&ended));
             }
             // Where the system starts no more of them, those that are there do the work.
-            let others: Vec<_> = (1..jobs).map_while(|_| start(scope, "job", &slot).ok()).collect();
+            let others: Vec<_> = (1..jobs).map_while(|_| start(scope, "job", slot).ok()).collect();
             slot();
             for thread in others {
                 thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));

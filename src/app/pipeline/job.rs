@@ -67,7 +67,7 @@ impl<'a> Job<'a> {
         publishing: Option<&'a Publishing<'a>>,
     ) -> Self {
         let JobOptions { threads, overwrite, strict, ref allow_paths } = *options;
-        Self { instance, threads, overwrite, strict, allow_paths, progress, cancel, publishing }
+        Self { instance, threads, overwrite, allow_paths, strict, progress, cancel, publishing }
     }
 }
 

@@ -234,7 +234,6 @@ mod tests {
                     unsound: false,
                     enable: None,
                     settings: vec![Entry::built(settings, Value::Float(0.9))],
-                    unsound: false,
                 }],
                 ..PipelineFile::default()
             };

@@ -236,8 +236,13 @@ fn check_space(job: &Job<'_>) -> Result<(), RunError> {
     if !graph.stages.iter().any(|stage| stage.memory().iter().any(|cost| cost.on_disk)) {
         return Ok(());
     }
-    let shapes =
-        job.instance.inputs().iter().filter_map(|path| probe::probe(&path, false).ok()?.shape).max_by_key(|s| s.frames);
+    let shapes = job
+        .instance
+        .inputs()
+        .iter()
+        .filter(|path| *path != Path::new("-"))
+        .filter_map(|path| probe::probe(path, false).ok()?.shape)
+        .max_by_key(|s| s.frames);
     let folder = std::env::temp_dir();
     match (shapes, free_space(&folder)) {
         (Some(clip), Some(free)) => enough_space(temporary_space(graph, &clip), free, &folder),

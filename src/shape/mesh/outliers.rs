@@ -66,7 +66,9 @@ mod tests {
 
     fn with_moved(mesh: &TriMesh, moved: &[(usize, Point3<f64>)]) -> TriMesh {
         let mut positions = mesh.positions().to_vec();
-        moved.iter().for_each(|(v, p)| positions[*v] = *p);
+        for (v, p) in moved {
+            positions[*v] = *p;
+        }
         mesh.with_positions(positions).unwrap()
     }
 

@@ -88,10 +88,17 @@ fn fail_each(name: &str) {
     assert!(ran.status.success(), "{name}: {}", err(&ran));
     let whole = contents(folder.path());
     let text = std::fs::read_to_string(&counts).expect("the library was loaded and wrote its counts");
-    let counts: BTreeMap<&str, usize> =
-        text.lines().filter_map(|l| l.split_once(' ')).filter_map(|(k, n)| Some((k, n.parse().ok()?))).collect();
-    let order = text.lines().find_map(|line| line.strip_prefix("order ")).expect("the order of syncs and renames");
-    assert!(is_synced_before_and_after(order), "{name}: {order}");
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for (kind, count) in text.lines().filter_map(|l| l.split_once(' ')).filter_map(|(k, n)| Some((k, n.parse::<usize>().ok()?)))
+    {
+        // Of the processes of a batch each has its own numbers.
+        let most = counts.entry(kind).or_default();
+        *most = count.max(*most);
+    }
+    let mut orders = text.lines().filter_map(|line| line.strip_prefix("order ")).filter(|order| order.contains('r'));
+    let synced = |order: &str| assert!(is_synced_before_and_after(order), "{name}: {order}");
+    synced(orders.next().unwrap_or_else(|| panic!("{name}: nothing was renamed: {text}")));
+    orders.for_each(synced);
     for fault in &FAULTS {
         assert!(counts[fault.kind] > 0, "{name} makes no call of the kind {}", fault.kind);
         let mut failed = 0;
@@ -110,6 +117,8 @@ fn fail_each(name: &str) {
             } else {
                 failed += 1;
                 let several = name == "batch" && code == 3;
+                // The rest of a clip that cannot be read is missing like that of one that is cut.
+                let several = several || (fault.kind == "read" && code == 3 && err(&ran).contains("cut short"));
                 assert!(several || fault.exits.contains(&code), "{what}: exit {code}");
             }
         }

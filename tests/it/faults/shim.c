@@ -46,7 +46,7 @@ __attribute__((constructor)) static void start(void)
 __attribute__((destructor)) static void end(void)
 {
     const char *path = getenv("PLUMBLINE_FAULT_COUNTS");
-    FILE *file = path ? fopen(path, "w") : NULL;
+    FILE *file = path ? fopen(path, "a") : NULL; /* a batch has several processes */
     if (!file)
         return;
     for (int k = 0; k < KINDS; k++)

@@ -214,7 +214,7 @@ pub fn extract(
     run: &Run,
 ) -> Result<(CurveSkeleton, ExtractionReport), CharacterError> {
     options.check(mesh.vertex_count())?;
-    let Parts { parts, repairs, outliers, specks, speck_vertices } = parts::of(mesh, run)?;
+    let Parts { kept: parts, repairs, outliers, specks, speck_vertices } = parts::of(mesh, run)?;
     if parts.is_empty() {
         return Err(no_area());
     }

@@ -42,7 +42,7 @@ const MAX_SPECK_AREA: f64 = 1e-4;
 /// The components of a surface, and what was left out.
 pub(super) struct Parts {
     /// In the order of their first vertices.
-    pub(super) parts: Vec<Part>,
+    pub(super) kept: Vec<Part>,
     /// Repairs made, in words.
     pub(super) repairs: Vec<String>,
     pub(super) outliers: Vec<u32>,
@@ -109,7 +109,7 @@ pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<Parts, Stopped> {
         speck_vertices += if is_speck { part.mesh.vertex_count() } else { 0 };
         !is_speck
     });
-    Ok(Parts { specks: before - parts.len(), parts, repairs, outliers, speck_vertices })
+    Ok(Parts { specks: before - parts.len(), kept: parts, repairs, outliers, speck_vertices })
 }
 
 #[cfg(test)]

@@ -64,7 +64,7 @@ pub(super) fn prune(
             return Ok(());
         }
         let batch = if left == 0 { covered.len() } else { (covered.len() / BRANCHES_PER_BATCH).max(1) };
-        covered.sort_by(|a, b| a.0.cmp(&b.0));
+        covered.sort_by_key(|(out, _)| *out);
         // A junction that lost a branch may be none any more, and what was its other branch is now a part of a longer one.
         let mut touched = std::collections::HashSet::new();
         for (_, branch) in covered.into_iter().take(batch) {
