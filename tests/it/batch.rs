@@ -1,5 +1,6 @@
 //! Batches that are run again: what is up to date, what differs, what was left over; folders and trees.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -527,7 +528,8 @@ fn a_graph_of_many_stages_is_checked_in_time_and_without_recursion() {
     let time = |count: usize| {
         let mut text = String::from("version = 1\n[stage.s0]\nuse = \"image.load\"\npath = \"a.png\"\n");
         for i in 1..count {
-            text += &format!("[stage.s{i}]\nuse = \"image.render\"\ninputs = {{ image = \"s{}\" }}\n", i - 1);
+            let before = i - 1;
+            writeln!(text, "[stage.s{i}]\nuse = \"image.render\"\ninputs = {{ image = \"s{before}\" }}").expect("text");
         }
         let before = cpu_ns();
         let refused = read(Source { name: "long.toml".into(), text, base: None }, &[]);

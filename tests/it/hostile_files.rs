@@ -119,7 +119,7 @@ fn measured(folder: &Path, args: &[&str]) -> (u64, Option<i32>, String) {
         }
         match child.try_wait().expect("a child") {
             Some(status) => break status,
-            None => std::thread::sleep(std::time::Duration::from_millis(2)),
+            None => std::thread::park_timeout(std::time::Duration::from_millis(2)),
         }
     };
     if let Some(mut pipe) = child.stderr.take() {

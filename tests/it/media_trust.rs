@@ -33,7 +33,8 @@ fn clips(folder: &Path) -> (PathBuf, PathBuf) {
 }
 
 fn hls(segments: &[&str]) -> String {
-    let lines: String = segments.iter().map(|s| format!("#EXTINF:0.4,\n{s}\n")).collect();
+    let lines: Vec<String> = segments.iter().map(|s| format!("#EXTINF:0.4,\n{s}\n")).collect();
+    let lines = lines.concat();
     format!("#EXTM3U\n#EXT-X-VERSION:3\n#EXT-X-TARGETDURATION:1\n#EXT-X-MEDIA-SEQUENCE:0\n{lines}#EXT-X-ENDLIST\n")
 }
 

@@ -419,7 +419,8 @@ fn any_text_is_read_to_its_end_without_a_panic() {
 
 #[test]
 fn of_many_faults_fifty_are_printed_and_the_others_counted() {
-    let many: String = (0..2000).map(|i| format!("key{i} = {i}\n")).collect();
+    let many: Vec<String> = (0..2000).map(|i| format!("key{i} = {i}\n")).collect();
+    let many = many.concat();
     let found = faults(&format!("version = 1\n[stage.a]\nuse = \"video.decode\"\npath = \"a.mp4\"\n{many}"), &[]);
     let text = found.render(false, 100);
     let shown = text.matches("has no setting").count();

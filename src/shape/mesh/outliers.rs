@@ -81,7 +81,8 @@ mod tests {
         let placed = |p: &Point3<f64>| Point3::from(p.coords * 1e-9 + Vector3::new(5.0, -70.0, 0.25));
         let elsewhere = far.with_positions(far.positions().iter().map(placed).collect()).unwrap();
         assert_eq!(elsewhere.outliers(), [7, 9]);
-        assert_eq!(far.without_triangles_at(&[7]).triangle_count(), ball.triangle_count() - 6);
+        let around = ball.triangles().iter().filter(|t| t.contains(&7)).count();
+        assert_eq!(far.without_triangles_at(&[7]).triangle_count(), ball.triangle_count() - around);
     }
 
     #[test]

@@ -89,7 +89,8 @@ fn fail_each(name: &str) {
     let whole = contents(folder.path());
     let text = std::fs::read_to_string(&counts).expect("the library was loaded and wrote its counts");
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    for (kind, count) in text.lines().filter_map(|l| l.split_once(' ')).filter_map(|(k, n)| Some((k, n.parse::<usize>().ok()?)))
+    for (kind, count) in
+        text.lines().filter_map(|l| l.split_once(' ')).filter_map(|(k, n)| Some((k, n.parse::<usize>().ok()?)))
     {
         // Of the processes of a batch each has its own numbers.
         let most = counts.entry(kind).or_default();

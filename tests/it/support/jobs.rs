@@ -1,6 +1,7 @@
 //! Short runs of the commands that write, for tests of what is left after ends of every sort.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
@@ -63,9 +64,9 @@ fn make_once(folder: &Path) {
     std::fs::copy(bar, folder.join("m.ply")).expect("a mesh of the project");
     let mut matrix = String::from("%%MatrixMarket matrix coordinate real symmetric\n400 400 799\n");
     for i in 1..=400 {
-        matrix += &format!("{i} {i} 2.5\n");
+        writeln!(matrix, "{i} {i} 2.5").expect("text");
         if i > 1 {
-            matrix += &format!("{i} {} -1\n", i - 1);
+            writeln!(matrix, "{i} {} -1", i - 1).expect("text");
         }
     }
     std::fs::write(folder.join("a.mtx"), matrix).expect("a small file");

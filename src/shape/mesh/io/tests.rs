@@ -160,7 +160,7 @@ fn files_appear_whole_and_name_themselves_in_faults() {
     );
     let missing = refused(&folder.path().join("b.ply"), &ReadLimits::default());
     assert!(missing.ends_with("b.ply: cannot be read: no such file; check the name"), "{missing}");
-    assert!(refused(folder.path(), &ReadLimits::default()).contains("not a file"));
+    assert!(refused(folder.path(), &ReadLimits::default()).contains("not a regular file"));
     let into_nothing = write_model(&folder.path().join("none/a.ply"), &model).expect_err("to be refused");
     assert!(into_nothing.is_output(), "{into_nothing}");
     assert!(

@@ -230,5 +230,6 @@ fn a_small_file_cannot_name_one_accessor_without_end() {
         d["meshes"][0]["primitives"][0]["targets"] = Value::Array(vec![target; 400_000]);
         d["meshes"][0]["weights"] = Value::Null;
     });
-    assert!(decode(&document).expect_err("to be refused").to_string().contains("is more than the limit of 65536"));
+    let told = decode(&document).expect_err("to be refused").to_string();
+    assert!(told.contains("its values would take") || told.contains("is more than the limit of"), "{told}");
 }
