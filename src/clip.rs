@@ -35,7 +35,7 @@ pub struct ClipFile {
 pub enum ClipFileError {
     /// The file that is read, or the one that is written.
     #[error(transparent)]
-    Media(#[from] MediaError),
+    Media(MediaError),
     /// The maps of its frames.
     #[error(transparent)]
     Stabilize(#[from] StabilizeError),
@@ -45,6 +45,15 @@ pub enum ClipFileError {
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
+}
+
+impl From<MediaError> for ClipFileError {
+    fn from(error: MediaError) -> Self {
+        match error {
+            MediaError::Interrupted(stopped) => Self::Interrupted(stopped),
+            other => Self::Media(other),
+        }
+    }
 }
 
 impl ClipFile {

@@ -93,7 +93,7 @@ impl Shortage {
         Some(Self(*resource))
     }
 
-    /// What this process has little left of, for libraries that fail without saying why: less than [`LITTLE`] of the address
+    /// What this process has little left of, for libraries that fail without saying why: less than `LITTLE` of the address
     /// space, or no thread or file more.
     pub fn likely() -> Option<Self> {
         let limit = Resource::Memory.limit();
