@@ -31,7 +31,7 @@ def grid(side, shift):
 def run(folder, a, b, *options, symmetry=None):
     scipy.io.mmwrite(folder / "a.mtx", sp.coo_matrix(a), symmetry=symmetry or "general", precision=17)
     scipy.io.mmwrite(folder / "b.mtx", np.asarray(b).reshape(a.shape[0], -1), precision=17)
-    command = [PROGRAM, "solve", "a.mtx", "b.mtx", "-o", "x.mtx", "--report", "report.json", *options]
+    command = [PROGRAM, "solve", "a.mtx", "b.mtx", "-o", "x.mtx", "--overwrite", "--report", "report.json", *options]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if done.returncode:
         return done.returncode, done.stderr, None
