@@ -1,6 +1,6 @@
 //! Limits that the system sets to this process, and errors that mean that one of them is reached.
 //!
-//! Such an error is nobody's fault: the same call may succeed where there is more room. It is told from others in one place,
+//! Such an error is nobody's fault: the same call may succeed where there is more room. It is distinguished from others in one place,
 //! [`Shortage::of`], whatever error of a library it is wrapped in.
 
 use std::error::Error;

@@ -128,7 +128,7 @@ fn measured(folder: &Path, args: &[&str]) -> (u64, Option<i32>, String) {
     (peak, ended.code(), told)
 }
 
-/// Small files that would take much memory, or work without end, if what they announce were believed.
+/// Small files that would take much memory, or unbounded time, by the sizes that they announce.
 #[test]
 #[cfg(target_os = "linux")]
 fn small_files_take_little_memory_whatever_they_announce() {
