@@ -117,6 +117,7 @@ fn targets_that_cannot_or_must_not_be_written_are_refused_before_any_work() {
     std::fs::hard_link(&clip, folder.join("hard.mp4")).expect("a link");
     std::os::unix::fs::symlink(&clip, folder.join("soft.mp4")).expect("a link");
     std::fs::write(folder.join("there.mp4"), b"precious").expect("a file");
+    std::os::unix::fs::symlink("/dev/null", folder.join("null.mp4")).expect("a link");
     let original = std::fs::read(&clip).expect("a clip");
     let before = names(folder);
     for (output, overwrite, code, message) in [
@@ -125,6 +126,8 @@ fn targets_that_cannot_or_must_not_be_written_are_refused_before_any_work() {
         ("hard.mp4", true, 2, "`hard.mp4` would be written over its input"),
         ("there.mp4", false, 73, "`there.mp4` exists; allow to replace it with --overwrite"),
         (".", true, 73, "`.` is a folder; give the name of a file"),
+        ("null.mp4", false, 73, "null.mp4: cannot be written: a device, not a regular file; it is not replaced"),
+        ("null.mp4", true, 73, "null.mp4: cannot be written: a device, not a regular file; it is not replaced"),
         ("b.xyz", false, 2, "b.xyz: no container is known for this name; end it in .mp4"),
         ("/proc/b.mp4", false, 73, "/proc/b.mp4: cannot be written"),
         ("a.mp4/b.mp4", false, 73, "cannot make the folder `a.mp4`"),

@@ -30,16 +30,27 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
 /// # Errors
 /// [`io::ErrorKind::InvalidInput`] with what it is, and the remedy.
 pub fn check_type(found: FileType) -> io::Result<()> {
-    let refused = |what: &str, remedy: &str| {
-        Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{what}, not a regular file; {remedy}")))
+    refused(found, "write its content to a file and give the path of that")
+}
+
+/// Refuses a target that exists and is no regular file, also through links: its name would be given to another file, and the
+/// folder, pipe or device would be lost to everyone who uses it.
+///
+/// # Errors
+/// [`io::ErrorKind::InvalidInput`] with what it is, and the remedy.
+pub(super) fn check_target(target: &Path) -> io::Result<()> {
+    target
+        .metadata()
+        .map_or(Ok(()), |found| refused(found.file_type(), "it is not replaced; give the name of a new file"))
+}
+
+fn refused(found: FileType, remedy: &str) -> io::Result<()> {
+    let (what, remedy) = match () {
+        () if found.is_file() => return Ok(()),
+        () if found.is_dir() => ("a folder", "give the path of a file in it"),
+        () => (special(found), remedy),
     };
-    if found.is_file() {
-        return Ok(());
-    }
-    if found.is_dir() {
-        return refused("a folder", "give the path of a file in it");
-    }
-    refused(special(found), "write its content to a file and give the path of that")
+    Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{what}, not a regular file; {remedy}")))
 }
 
 #[cfg(unix)]

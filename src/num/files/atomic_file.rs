@@ -12,6 +12,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::access::check_target;
 use super::folder_of;
 use super::registry::{self, Registered};
 use super::rename::rename_new;
@@ -62,9 +63,11 @@ impl AtomicFile {
     /// Begins the file that is to become `target`, in its folder. Leftovers of the same target are removed.
     ///
     /// # Errors
-    /// What the system says of the folder; where nothing may be replaced [`io::ErrorKind::AlreadyExists`] for a target that
-    /// exists, and [`io::ErrorKind::ResourceBusy`] for one that another process is writing.
+    /// What the system says of the folder; [`io::ErrorKind::InvalidInput`] for a target that exists and is no regular file;
+    /// where nothing may be replaced [`io::ErrorKind::AlreadyExists`] for a target that exists, and
+    /// [`io::ErrorKind::ResourceBusy`] for one that another process is writing.
     pub fn next_to(target: &Path, if_exists: IfExists) -> io::Result<Self> {
+        check_target(target)?;
         if if_exists == IfExists::Refuse && target.symlink_metadata().is_ok() {
             return Err(exists());
         }
@@ -403,6 +406,42 @@ mod tests {
         assert_eq!(std::fs::read(&target).expect("kept"), b"another's");
         let error = AtomicFile::next_to(&target, IfExists::Refuse).expect_err("it exists");
         assert_eq!(error.kind(), io::ErrorKind::AlreadyExists);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_target_that_is_no_regular_file_is_refused_also_through_links() {
+        let folder = tempfile::tempdir().expect("temporary folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("folder")).expect("folder");
+        std::os::unix::net::UnixListener::bind(at("socket")).expect("socket");
+        for (name, to) in [("null", "/dev/null"), ("to_folder", "folder"), ("to_link", "null"), ("to_socket", "socket")]
+        {
+            std::os::unix::fs::symlink(to, at(name)).expect("link");
+        }
+        let before = names(folder.path());
+        let cases = [
+            ("folder", "a folder"),
+            ("socket", "a socket"),
+            ("null", "a device"),
+            ("to_folder", "a folder"),
+            ("to_link", "a device"),
+            ("to_socket", "a socket"),
+        ];
+        for (name, what) in cases {
+            for if_exists in [IfExists::Refuse, IfExists::Replace] {
+                let error = AtomicFile::next_to(&at(name), if_exists).expect_err(name);
+                assert_eq!(error.kind(), io::ErrorKind::InvalidInput, "{name}");
+                assert!(error.to_string().starts_with(&format!("{what}, not a regular file; ")), "{name}: {error}");
+                assert_eq!(names(folder.path()), before, "{name}");
+            }
+        }
+        // A link to a regular file, or to nothing, is a name like any other.
+        std::fs::write(at("file"), b"x").expect("write");
+        for (name, to) in [("to_file", "file"), ("to_none", "none")] {
+            std::os::unix::fs::symlink(to, at(name)).expect("link");
+            drop(AtomicFile::next_to(&at(name), IfExists::Replace).expect("may be replaced"));
+        }
     }
 
     #[test]
