@@ -23,6 +23,7 @@ mod selection;
 #[cfg(test)]
 mod tests;
 mod track;
+mod write;
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -125,6 +125,30 @@ fn places_go_to_the_vertices_in_the_order_in_which_they_were_named() {
 }
 
 #[test]
+fn handles_that_were_written_are_read_again() {
+    let body = "\"handles\": [{\"name\": \"a \\\"tip\\\"\", \"vertices\": {\"indices\": [1, 3]}, \"weight\": 2.5,
+            \"rigid\": {\"pivot\": [0.1, 0, 3], \"interpolation\": \"smooth\", \"keys\": [
+                {\"time\": -1, \"translation\": [0.1, 0.2, 0.3]},
+                {\"time\": 0.5, \"rotation\": {\"axis\": [1, 2, 3], \"angle_deg\": 500}},
+                {\"time\": 2, \"rotation\": {\"quaternion\": [0.5, 0.5, -0.5, 0.5]}}]}},
+        {\"vertices\": {\"indices\": [0]}},
+        {\"vertices\": {\"indices\": [4, 2]}, \"positions\": [[9, 8, 7], [0.1, 0.3, 0.7]]}],
+        \"region\": {\"indices\": [5]}";
+    let first = handles(body).expect("valid");
+    let again =
+        HandleFile::parse(&first.to_json()).and_then(|f| f.of_mesh(&cube())).expect("what was written is valid");
+    let rigid = &first.handles[0];
+    for time in [-2.0, 0.1, 0.5, 1.0, 1.9, 3.0] {
+        let [a, b] = [&first, &again].map(|h| h.handles[0].track.positions(&rigid.vertices, &cube(), time));
+        // The angle goes through degrees.
+        let apart = a.iter().zip(&b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        assert!(apart < 1e-14, "{apart:e} at {time}");
+    }
+    assert_eq!((&first.handles[1..], &first.outside), (&again.handles[1..], &again.outside));
+    assert_eq!((&rigid.name, rigid.weight), (&again.handles[0].name, again.handles[0].weight));
+}
+
+#[test]
 fn errors_name_the_handle_the_value_and_the_remedy() {
     let one = |handle: &str| format!("\"handles\": [{{\"name\": \"tip\", {handle}}}]");
     let vertex = "\"vertices\": {\"indices\": [1]}";
