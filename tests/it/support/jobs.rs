@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io::ErrorKind;
 use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
@@ -77,7 +78,12 @@ pub(crate) fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(next) = folders.pop() {
-        for entry in std::fs::read_dir(&next).expect("a folder") {
+        // A run that still works removes its unfinished folders meanwhile.
+        let entries = match std::fs::read_dir(&next) {
+            Err(gone) if gone.kind() == ErrorKind::NotFound && next != folder => continue,
+            entries => entries.expect("a folder"),
+        };
+        for entry in entries {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
                 // Records hold times; they have tests of their own.
