@@ -125,8 +125,9 @@ fn address_space() -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What the C library says of its error numbers, and x264 of memory.
-const PHRASES: [(&str, Resource); 5] = [
+/// What our own errors say of memory, the C library of its error numbers, and x264 of memory.
+const PHRASES: [(&str, Resource); 6] = [
+    ("out of memory for", Resource::Memory),
     ("Cannot allocate memory", Resource::Memory),
     ("malloc of size", Resource::Memory),
     ("Too many open files", Resource::OpenFiles),
@@ -227,7 +228,10 @@ mod tests {
     }
 
     #[test]
-    fn the_words_of_the_system_are_known() {
+    fn the_words_of_the_system_and_of_the_solvers_are_known() {
+        let factor = "the warp could not be solved: out of memory for the factor of 7 unknowns";
+        assert_eq!(Shortage::in_text(factor), Some(Shortage(Resource::Memory)));
+
         for (code, resource) in [
             (Errno::MFILE, Resource::OpenFiles),
             (Errno::NFILE, Resource::OpenFiles),
