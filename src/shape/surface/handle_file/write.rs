@@ -47,7 +47,10 @@ fn entry(handle: &MeshHandle) -> Value {
             entry.insert("rigid".into(), motion);
         }
         Track::Free { keys, interpolation } => {
-            let key = |(time, positions): &(f64, Vec<Point3<f64>>)| json!({ "time": time, "positions": positions.iter().map(coordinates).collect::<Vec<_>>() });
+            let key = |(time, targets): &(f64, Vec<Point3<f64>>)| {
+                let targets: Vec<_> = targets.iter().map(coordinates).collect();
+                json!({ "time": time, "positions": targets })
+            };
             let keys: Vec<Value> = keys.iter().map(key).collect();
             entry.insert("positions".into(), json!({ "keys": keys, "interpolation": word(*interpolation) }));
         }
