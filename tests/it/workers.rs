@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Stdio};
 
-use crate::support::clips::{make, shaky, workshop};
+use crate::support::clips::{make, picture_sums, shaky, workshop};
 use crate::support::program::{command, err, names, succeed};
 
 /// Two short clips and, between them by name, one that takes seconds.
@@ -98,11 +98,15 @@ fn workers_give_the_same_results_as_the_program_itself() {
     let folder = folder.path();
     clips(folder);
     std::fs::remove_file(folder.join("in/b.mkv")).expect("a file");
-    let options = ["--report", "pages", "--threads", "1"];
-    let ran = succeed(folder, &[&["stabilize", "in", "--out-dir", "many"], &options[..]].concat());
-    assert!(err(&ran).contains("many/a.mp4") && err(&ran).contains("shake"), "summaries come back: {}", err(&ran));
-    succeed(folder, &["stabilize", "in/a.mkv", "-o", "one.mp4", "--threads", "1"]);
-    let read = |name: &str| std::fs::read(folder.join(name)).expect("a file");
-    assert!(read("many/a.mp4") == read("one.mp4") && read("many/c.mp4") == read("one.mp4"));
+    // Lossless: some versions of x264 read memory that they never wrote, so that its files differ from run to run.
+    let options = ["--codec", "ffv1", "--threads", "1"];
+    let batch = ["stabilize", "in", "--out-dir", "many", "--report", "pages"];
+    let ran = succeed(folder, &[&batch[..], &options[..]].concat());
+    assert!(err(&ran).contains("many/a.mkv") && err(&ran).contains("shake"), "summaries come back: {}", err(&ran));
+    succeed(folder, &[&["stabilize", "in/a.mkv", "-o", "one.mkv"], &options[..]].concat());
+    let pictures = |name: &str| picture_sums(&folder.join(name), "yuv420p");
+    let one = pictures("one.mkv");
+    assert_eq!(one.len(), 10);
+    assert!(pictures("many/a.mkv") == one && pictures("many/c.mkv") == one);
     assert_eq!(names(&folder.join("pages")), ["a.html", "c.html"]);
 }
