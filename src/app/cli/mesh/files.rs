@@ -93,7 +93,8 @@ impl MeshTargetArgs {
         if path.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
             return Err(Failure::usage(format!("`{shown}` is an input; results never replace inputs")));
         }
-        if !self.overwrite && path.exists() {
+        // What is no file is refused by its kind where the result is written: it is never replaced.
+        if !self.overwrite && path.is_file() {
             let message = format!("`{shown}` exists; allow to replace it with --overwrite");
             return Err(Failure { exit: Exit::Output, message, drawn: false });
         }
