@@ -27,7 +27,7 @@ TIMEOUT_S = 900
 
 def build():
     """Builds the command and the programs in the profile of the unit tests; returns the folder they are in."""
-    subprocess.run(["cargo", "build", "--locked", "--bins", "--example", "programs"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "--workspace", "--locked", "--bins", "--example", "programs"], cwd=ROOT, check=True)
     metadata = ["cargo", "metadata", "--locked", "--no-deps", "--format-version", "1"]
     out = subprocess.run(metadata, cwd=ROOT, check=True, capture_output=True, text=True)
     return Path(json.loads(out.stdout)["target_directory"]) / "debug"

@@ -83,7 +83,7 @@ pub enum DocumentError {
         /// Bound on the memory of the values, bytes.
         bytes: u64,
         /// Bytes of the text.
-        length: usize,
+        length: u64,
     },
     /// Environment: reading failed.
     #[error("{fault}")]
@@ -139,12 +139,9 @@ impl Kind {
     pub fn parse<D: DeserializeOwned>(&self, text: &str) -> Result<D, DocumentError> {
         let text = text.trim_start_matches('\u{feff}');
         self.check_header(serde_json::from_str(text))?;
-        let (name, length) = (self.name, text.len());
-        JsonCosts::OF_STRUCTS.check(text.as_bytes(), length as u64).map_err(|bytes| DocumentError::TooManyValues {
-            name,
-            bytes,
-            length,
-        })?;
+        let length = text.len() as u64;
+        let checked = JsonCosts::OF_STRUCTS.check(text.as_bytes(), length);
+        checked.map_err(|bytes| self.too_many_values(bytes, length))?;
         serde_json::from_str(text).map_err(|e| self.syntax(e))
     }
 
@@ -153,9 +150,13 @@ impl Kind {
     /// # Errors
     /// [`DocumentError`].
     pub fn stream<D: DeserializeOwned>(&self, mut file: impl Read + Seek) -> Result<D, DocumentError> {
-        self.check_size(file.seek(SeekFrom::End(0)).map_err(|e| self.io(e))?)?;
+        let length = file.seek(SeekFrom::End(0)).map_err(|e| self.io(e))?;
+        self.check_size(length)?;
         file.rewind().map_err(|e| self.io(e))?;
         self.check_header(serde_json::from_reader(BufReader::new(&mut file)))?;
+        file.rewind().map_err(|e| self.io(e))?;
+        let checked = JsonCosts::OF_STREAMS.check_stream(BufReader::new(&mut file)).map_err(|e| self.io(e))?;
+        checked.map_err(|bytes| self.too_many_values(bytes, length))?;
         file.rewind().map_err(|e| self.io(e))?;
         serde_json::from_reader(BufReader::new(file)).map_err(|e| self.syntax(e))
     }
@@ -163,6 +164,10 @@ impl Kind {
     /// What the parser says of a text that should be of this kind.
     pub fn syntax(&self, fault: serde_json::Error) -> DocumentError {
         DocumentError::Syntax { name: self.name, fault }
+    }
+
+    fn too_many_values(&self, bytes: u64, length: u64) -> DocumentError {
+        DocumentError::TooManyValues { name: self.name, bytes, length }
     }
 
     fn io(&self, fault: io::Error) -> DocumentError {

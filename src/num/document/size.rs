@@ -5,6 +5,7 @@
 
 use std::cell::Cell;
 use std::fmt;
+use std::io::{self, BufRead};
 
 use serde::Deserializer;
 use serde::de::{self, DeserializeSeed, MapAccess, SeqAccess, Visitor};
@@ -23,39 +24,79 @@ pub struct JsonCosts {
     pub list: u64,
     /// Of an item or member that is no object or list.
     pub item: u64,
+    /// Of a `null` beyond that: it takes the place of the largest value that could stand there.
+    pub null: u64,
 }
 
 impl JsonCosts {
     /// Of texts that are read into structs: the largest struct has some hundred bytes, an item of a list is a number or a choice.
-    pub const OF_STRUCTS: Self = Self { object: 400, list: 64, item: 24 };
+    pub const OF_STRUCTS: Self = Self { object: 400, list: 64, item: 24, null: 0 };
+    /// Of streams of frames: numbers go to packed stores, the largest entry of a frame (a camera) has 96 bytes.
+    pub const OF_STREAMS: Self = Self { object: 150, list: 40, item: 8, null: 96 };
     /// Of texts that are kept as [`serde_json::Value`] in part: a map allocates nodes of eleven members.
-    pub const OF_VALUES: Self = Self { object: 650, list: 160, item: 32 };
+    pub const OF_VALUES: Self = Self { object: 650, list: 160, item: 32, null: 0 };
 
     /// Refuses a text whose values could need more memory than a file of `file_bytes` allows: the error is the bound on that memory.
     ///
     /// # Errors
     /// Bytes in memory, at most.
     pub fn check(&self, text: &[u8], file_bytes: u64) -> Result<(), u64> {
-        let bytes = self.of(text);
-        if bytes <= FREE.saturating_add(PER_BYTE.saturating_mul(file_bytes)) { Ok(()) } else { Err(bytes) }
+        Scan::default().of(self, text).within(file_bytes)
     }
 
-    /// Bound on the memory of the values of a text, bytes.
-    fn of(&self, text: &[u8]) -> u64 {
-        let (mut sum, mut in_string, mut escaped) = (0, false, false);
+    /// As [`Self::check`], of a text that is read piece by piece.
+    ///
+    /// # Errors
+    /// The text cannot be read; within, the bytes in memory, at most.
+    pub fn check_stream(&self, mut text: impl BufRead) -> io::Result<Result<(), u64>> {
+        let (mut scan, mut length) = (Scan::default(), 0);
+        loop {
+            let piece = match text.fill_buf() {
+                Ok([]) => return Ok(scan.within(length as u64)),
+                Ok(piece) => piece,
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
+                Err(e) => return Err(e),
+            };
+            scan = scan.of(self, piece);
+            length += piece.len();
+            let read = piece.len();
+            text.consume(read);
+        }
+    }
+}
+
+/// A scan of a text for what stands outside of strings, up to some byte.
+#[derive(Clone, Copy, Default)]
+struct Scan {
+    /// Bound on the memory of the values so far, bytes.
+    sum: u64,
+    in_string: bool,
+    escaped: bool,
+}
+
+impl Scan {
+    fn of(self, costs: &JsonCosts, text: &[u8]) -> Self {
+        let Self { mut sum, mut in_string, mut escaped } = self;
         for byte in text {
             match byte {
                 _ if escaped => escaped = false,
                 b'\\' => escaped = in_string,
                 b'"' => in_string = !in_string,
                 _ if in_string => {}
-                b'{' => sum += self.object,
-                b'[' => sum += self.list,
-                b',' => sum += self.item,
+                b'{' => sum += costs.object,
+                b'[' => sum += costs.list,
+                b',' => sum += costs.item,
+                // No other word of JSON has the letter.
+                b'n' => sum += costs.null,
                 _ => {}
             }
         }
-        sum
+        Self { sum, in_string, escaped }
+    }
+
+    fn within(self, file_bytes: u64) -> Result<(), u64> {
+        let most = FREE.saturating_add(PER_BYTE.saturating_mul(file_bytes));
+        if self.sum <= most { Ok(()) } else { Err(self.sum) }
     }
 }
 
@@ -151,11 +192,28 @@ mod tests {
 
     #[test]
     fn brackets_and_commas_in_strings_cost_nothing() {
-        let costs = JsonCosts { object: 100, list: 10, item: 1 };
-        for (text, bytes) in
-            [(r#"{"a": [1, 2], "b": {}}"#, 212), (r#"["a,[{", "\"],[{", "\\"]"#, 12), ("", 0), (r#""abc,"#, 0)]
-        {
-            assert_eq!(costs.of(text.as_bytes()), bytes, "{text}");
+        let costs = JsonCosts { object: 100, list: 10, item: 1, null: 5 };
+        for (text, bytes) in [
+            (r#"{"a": [1, 2], "b": {}}"#, 212),
+            (r#"["a,[{", "\"],[{n", "\\"]"#, 12),
+            (r#"[null, true, "null"]"#, 17),
+            ("", 0),
+            (r#""abc,"#, 0),
+        ] {
+            assert_eq!(Scan::default().of(&costs, text.as_bytes()).sum, bytes, "{text}");
+            let (before, after) = text.as_bytes().split_at(text.len() / 2);
+            assert_eq!(Scan::default().of(&costs, before).of(&costs, after).sum, bytes, "{text}, in two pieces");
+        }
+    }
+
+    #[test]
+    fn a_stream_is_refused_as_its_text_is() {
+        for (count, fits) in [(1_000_000, true), (5_000_000, false)] {
+            let text = "null,".repeat(count);
+            let costs = JsonCosts::OF_STREAMS;
+            let streamed = costs.check_stream(io::BufReader::new(text.as_bytes())).expect("no fault");
+            assert_eq!(streamed, costs.check(text.as_bytes(), text.len() as u64));
+            assert_eq!(streamed.is_ok(), fits, "{count}");
         }
     }
 

@@ -1,9 +1,12 @@
 //! The structure of the file.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
-use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::HandleFileError;
 use super::selection::Selection;
@@ -124,14 +127,36 @@ struct Quaternion {
 }
 
 /// One position per vertex at time 1, from rest at 0; or keyframes.
-#[derive(Clone, Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(untagged, expecting = "a list of positions [x, y, z], or {\"keys\": [{\"time\": …, \"positions\": …}]}")]
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(untagged))]
 enum Positions {
     /// Positions of the vertices, in the order of `indices` or `nearest`.
     Targets(Vec<[f64; 3]>),
     /// Keyframes.
     Keys(PositionKeys),
+}
+
+/// Told apart by its first character: a derived reader would first store every number in 32 bytes.
+impl<'de> Deserialize<'de> for Positions {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Positions;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a list of positions [x, y, z], or {\"keys\": [{\"time\": …, \"positions\": …}]}")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Positions, A::Error> {
+                Deserialize::deserialize(SeqAccessDeserializer::new(seq)).map(Positions::Targets)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Positions, A::Error> {
+                Deserialize::deserialize(MapAccessDeserializer::new(map)).map(Positions::Keys)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
 }
 
 /// Keyframes of positions.

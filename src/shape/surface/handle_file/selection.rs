@@ -2,9 +2,12 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::fmt;
 
 use nalgebra::Point3;
-use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::HandleFileError;
 use super::document::rejected;
@@ -15,12 +18,8 @@ use crate::mesh::region::{Ball, HalfSpace};
 const MAX_NESTING: usize = 256;
 
 /// Vertices: the name of a set, or a description.
-#[derive(Clone, Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(
-    untagged,
-    expecting = "the name of a set, a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\": …}, {\"range\": …}, {\"box\": …}, {\"sphere\": …}, {\"half_space\": …}, {\"nearest\": …}, {\"union\": …}, {\"intersection\": …}, {\"not\": …}"
-)]
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(untagged))]
 pub(super) enum Selection {
     /// The name of a set.
     Named(String),
@@ -28,6 +27,35 @@ pub(super) enum Selection {
     Listed(Vec<VertexRef>),
     /// A description.
     Described(Box<Description>),
+}
+
+/// Told apart by its first character: a derived reader would first store every number in 32 bytes.
+impl<'de> Deserialize<'de> for Selection {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Selection;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(
+                    "the name of a set, a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\": …}, {\"range\": …}, {\"box\": …}, {\"sphere\": …}, {\"half_space\": …}, {\"nearest\": …}, {\"union\": …}, {\"intersection\": …}, {\"not\": …}",
+                )
+            }
+
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<Selection, E> {
+                Ok(Selection::Named(name.to_owned()))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Selection, A::Error> {
+                Deserialize::deserialize(SeqAccessDeserializer::new(seq)).map(Selection::Listed)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Selection, A::Error> {
+                Deserialize::deserialize(MapAccessDeserializer::new(map)).map(Box::new).map(Selection::Described)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
 }
 
 /// A description of vertices.
