@@ -109,7 +109,8 @@ fn vertices_are_listed_by_index_and_by_position_as_in_every_other_file() {
     let refused =
         |vertices: &str| handles(&format!("\"handles\": [{{\"vertices\": {vertices}}}]")).expect_err("refused");
     assert!(refused("[99]").to_string().contains("99"));
-    assert!(refused("[\"a\"]").to_string().contains("a list of vertices"), "{}", refused("[\"a\"]"));
+    let message = refused("[\"a\"]").to_string();
+    assert!(message.contains("a vertex: its index, a position [x, y, z]"), "{message}");
 }
 
 #[test]
@@ -167,9 +168,11 @@ fn errors_name_the_handle_the_value_and_the_remedy() {
         (one("\"vertices\": {\"half_space\": {\"point\": [0, 0, 0], \"normal\": [0, 0, 0]}}"), "normal is"),
         (one("\"vertices\": {\"range\": [5, 3]}"), "range is [5, 3]"),
         (
-            one("\"vertices\": {\"disk\": 3}"),
-            "a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\"",
+            one("\"vertices\": 3"),
+            "the name of a set, a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\"",
         ),
+        (one("\"vertices\": {\"disk\": 3}"), "unknown variant `disk`, expected one of `indices`, `range`"),
+        (one(&format!("{vertex}, \"positions\": 3")), "a list of positions [x, y, z], or {\"keys\""),
         (one(&format!("{vertex}, \"weight\": 0")), "weight is 0 (expected above 0; leave it out"),
         (one(&format!("{vertex}, \"wieght\": 1")), "unknown field `wieght`"),
         (one(&format!("{vertex}, \"rigid\": {{}}")), "rigid is empty (expected rotation, translation or keys)"),
