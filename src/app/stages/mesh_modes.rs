@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 use nalgebra::Vector3;
 use serde_json::json;
 
-use super::mesh::solvable::Solvable;
 use super::npz::{Array, write_npz};
 use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::paths::to_path;
+use plumbline_shape::surface::SolvableMesh;
 use plumbline_shape::surface::modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, parts};
 
 /// Settings of `mesh.modes`.
@@ -57,7 +57,7 @@ impl Stage for MeshModesSettings {
             return Err(RunError::Usage(format!("`{name}` would write nothing; name `modes`, `parts` or both")));
         }
         let mesh = posed.model.mesh();
-        let solvable = Solvable::new(mesh, &context.job.run())?;
+        let solvable = SolvableMesh::new(mesh, &context.job.run())?;
         let found = modes(&solvable.mesh, self.count as usize, &self.options, &context.job.run())?;
         context.job.check_cancel()?;
         let options = PartsOptions {
@@ -78,7 +78,7 @@ impl Stage for MeshModesSettings {
 
 fn report_modes(
     context: &mut Context<'_, '_>,
-    solvable: &Solvable,
+    solvable: &SolvableMesh,
     found: &Modes,
     divided: Option<&Parts>,
     settings: &MeshModesSettings,
@@ -107,7 +107,7 @@ fn report_modes(
 }
 
 /// `values` (#modes), `vectors` (#modes × #V × 3) by the vertices of the file, `residuals` (#modes).
-fn arrays(found: &Modes, solvable: &Solvable) -> Vec<Array<'static>> {
+fn arrays(found: &Modes, solvable: &SolvableMesh) -> Vec<Array<'static>> {
     let (count, vertices) = (found.values.len(), solvable.vertex_of_source.len());
     let still = Vector3::zeros();
     let of_file = |mode: &Vec<Vector3<f64>>| -> Vec<f64> {
@@ -123,7 +123,7 @@ fn arrays(found: &Modes, solvable: &Solvable) -> Vec<Array<'static>> {
 }
 
 /// The part of each vertex of the file; null where it is on no triangle.
-fn parts_json(divided: &Parts, solvable: &Solvable) -> serde_json::Value {
+fn parts_json(divided: &Parts, solvable: &SolvableMesh) -> serde_json::Value {
     let of_vertex: Vec<Option<u32>> =
         solvable.vertex_of_source.iter().map(|v| v.map(|v| divided.of_vertex[v as usize])).collect();
     json!({

@@ -26,6 +26,25 @@ pub enum SurfaceError {
     /// Input: no constraints.
     #[error("no vertex is constrained: give at least one that is fixed or moved")]
     NoHandle,
+    /// Input: repair left nothing of the vertices of a handle.
+    #[error(
+        "handle {name:?}: none of its vertices is on the surface after repair; name vertices of triangles that have an area"
+    )]
+    HandleNotOnSurface {
+        /// Name of the handle.
+        name: String,
+    },
+    /// Input: repair joined vertices of two handles.
+    #[error(
+        "vertex {} of handle {:?} and vertex {} of handle {:?} are at the same position and were joined: put both into one handle",
+        vertices[0], handles[0], vertices[1], handles[1]
+    )]
+    JoinedHandles {
+        /// A vertex of each.
+        vertices: [u32; 2],
+        /// Their names.
+        handles: [String; 2],
+    },
     /// Input: a connected component has no handle, and the options reject that.
     #[error(
         "the connected component of {vertices} vertices that contains vertex {vertex} has no handle: constrain one of its vertices, or keep such components fixed"

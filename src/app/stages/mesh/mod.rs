@@ -2,9 +2,7 @@
 
 pub(crate) mod animated;
 pub(crate) mod binding;
-pub(crate) mod handles;
 pub(crate) mod report;
-pub(crate) mod solvable;
 
 use std::path::Path;
 

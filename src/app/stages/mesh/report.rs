@@ -4,17 +4,15 @@ use std::fmt::Write as _;
 
 use serde_json::{Value as Json, json};
 
-use super::solvable::Solvable;
-
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh_deform::{MeshDeformSettings, Solved};
-use plumbline_shape::surface::DeformReport;
+use plumbline_shape::surface::{DeformReport, SolvableMesh};
 
 /// Reports the repair and of the last pose, and warns of what went wrong in any.
 pub(crate) fn report_deformation(
     context: &mut Context<'_, '_>,
-    solvable: &Solvable,
+    solvable: &SolvableMesh,
     solved: &[Solved],
     settings: &MeshDeformSettings,
 ) {
@@ -78,7 +76,7 @@ fn line(report: &DeformReport, method: &str, poses: usize) -> String {
 pub(crate) fn write(
     context: &mut Context<'_, '_>,
     path: &str,
-    solvable: &Solvable,
+    solvable: &SolvableMesh,
     solved: &[Solved],
     settings: &MeshDeformSettings,
 ) -> Result<(), RunError> {
@@ -97,7 +95,7 @@ pub(crate) fn write(
 }
 
 /// Vertices are those of the file; lengths are in units of the mesh.
-fn pose(solved: &Solved, solvable: &Solvable) -> Json {
+fn pose(solved: &Solved, solvable: &SolvableMesh) -> Json {
     let report = &solved.report;
     let part = |p: &plumbline_shape::surface::Component| json!({"vertex": solvable.source_of_vertex[p.vertex as usize], "vertices": p.vertices});
     let still: Vec<Json> = report.fixed_components.iter().map(part).collect();

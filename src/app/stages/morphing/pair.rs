@@ -9,13 +9,13 @@ use super::{of_file, report_line};
 use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
-use crate::stages::mesh::solvable::Solvable;
 use crate::stages::values::{Posed, not_finite};
 use plumbline_shape::mesh::{Model, TriMesh};
 use plumbline_shape::morph::correspondence::{
     CorrespondenceMethod, Landmarks, MapQuality, correspond, measure, refine,
 };
 use plumbline_shape::morph::{MorphError, same_connectivity};
+use plumbline_shape::surface::SolvableMesh;
 
 /// Refinements at most; each halves edges, so that six leave 1/64 of them.
 const MAX_REFINEMENTS: usize = 6;
@@ -26,7 +26,7 @@ pub(crate) struct Pair {
     pub(crate) model: Arc<Model>,
     pub(crate) first: TriMesh,
     pub(crate) second: TriMesh,
-    solvable: Solvable,
+    solvable: SolvableMesh,
     /// The model has the vertices of the meshes, not those of the file.
     refined: bool,
     /// Both ends by the vertices of the file.
@@ -50,7 +50,7 @@ impl Pair {
                 return Err(MorphError::Empty { which }.into());
             }
         }
-        let solvable = Solvable::new(&a, &context.job.run())?;
+        let solvable = SolvableMesh::new(&a, &context.job.run())?;
         if let Some(surface) = &mut context.summary.surface {
             surface.repairs = solvable.report.changes().collect();
         }
@@ -63,7 +63,7 @@ impl Pair {
         }
     }
 
-    fn same(model: Arc<Model>, a: &TriMesh, b: &TriMesh, solvable: Solvable) -> Result<Self, RunError> {
+    fn same(model: Arc<Model>, a: &TriMesh, b: &TriMesh, solvable: SolvableMesh) -> Result<Self, RunError> {
         same_connectivity(a, b)?;
         let there = solvable.source_of_vertex.iter().map(|v| b.positions()[*v as usize]).collect();
         let second = solvable.mesh.with_positions(there).map_err(|e| not_finite(&e))?;
@@ -75,7 +75,7 @@ impl Pair {
         context: &mut Context<'_, '_>,
         model: Arc<Model>,
         b: &TriMesh,
-        solvable: Solvable,
+        solvable: SolvableMesh,
         pairs: &[(u32, u32)],
         (over, tolerance): (CorrespondenceMethod, Option<f64>),
     ) -> Result<Self, RunError> {

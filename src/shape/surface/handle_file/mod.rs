@@ -172,6 +172,13 @@ impl MeshHandles {
         if first <= last { (first, last) } else { (0.0, 0.0) }
     }
 
+    /// Times of so many poses: evenly from the first key to the last; the last alone for one.
+    pub fn frame_times(&self, frames: u32) -> impl Iterator<Item = f64> + use<> {
+        let (first, last) = self.times();
+        let fraction = move |i: u32| if frames <= 1 { 1.0 } else { f64::from(i) / f64::from(frames - 1) };
+        (0..frames.max(1)).map(move |i| first * (1.0 - fraction(i)) + last * fraction(i))
+    }
+
     /// Vertices of moving handles.
     pub fn moving(&self) -> impl Iterator<Item = u32> + '_ {
         self.handles.iter().filter(|h| h.track.times().is_some()).flat_map(|h| h.vertices.iter().copied())

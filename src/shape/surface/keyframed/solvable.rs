@@ -8,23 +8,39 @@ use std::collections::HashMap;
 
 use nalgebra::Point3;
 
-use crate::pipeline::run_error::RunError;
-use plumbline_num::run::Run;
-use plumbline_shape::mesh::{RepairOptions, RepairReport, Repaired, TriMesh, repair};
+use crate::mesh::{RepairOptions, RepairReport, Repaired, TriMesh, repair};
+use plumbline_num::run::{Run, Stopped};
 
 /// A mesh without faults that hinder a solve, and where its vertices come from.
-pub(crate) struct Solvable {
-    pub(crate) mesh: TriMesh,
+///
+/// ```
+/// use plumbline_num::run::Run;
+/// use plumbline_shape::mesh::shapes;
+/// use plumbline_shape::surface::SolvableMesh;
+///
+/// let soup = shapes::soup(&shapes::book(4)); // every triangle has vertices of its own
+/// let solvable = SolvableMesh::new(&soup, &Run::default())?;
+/// assert!(solvable.mesh.vertex_count() < soup.vertex_count());
+/// # Ok::<(), plumbline_num::run::Stopped>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct SolvableMesh {
+    /// The mesh that is deformed: one vertex per position.
+    pub mesh: TriMesh,
     /// What repair did.
-    pub(crate) report: RepairReport,
+    pub report: RepairReport,
     /// For each of its vertices the vertex of the file that it was.
-    pub(crate) source_of_vertex: Vec<u32>,
+    pub source_of_vertex: Vec<u32>,
     /// For each vertex of the file the vertex that it became; `None` where nothing is left of it.
-    pub(crate) vertex_of_source: Vec<Option<u32>>,
+    pub vertex_of_source: Vec<Option<u32>>,
 }
 
-impl Solvable {
-    pub(crate) fn new(mesh: &TriMesh, run: &Run) -> Result<Self, RunError> {
+impl SolvableMesh {
+    /// Repairs a mesh with the default options and joins the copies of its vertices.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub fn new(mesh: &TriMesh, run: &Run) -> Result<Self, Stopped> {
         let Repaired { mesh, report, source_of_vertex: source, vertex_of_source, .. } =
             repair(mesh, &RepairOptions::default(), run)?;
         // Repair welds what is exactly at one position and moves nothing: copies are known by their position, in a soup too, where
@@ -41,13 +57,13 @@ impl Solvable {
             }
         }
         let triangles = mesh.triangles().iter().map(|t| t.map(|v| joined[v as usize])).collect();
-        let mesh = TriMesh::new(positions, triangles).map_err(|e| RunError::Internal(e.to_string()))?;
+        let mesh = TriMesh::new(positions, triangles).expect("positions and triangles of a mesh that was repaired");
         let vertex_of_source = vertex_of_source.into_iter().map(|v| v.map(|v| joined[v as usize])).collect();
         Ok(Self { mesh, report, source_of_vertex, vertex_of_source })
     }
 
     /// Positions of the file's vertices after this mesh's have moved. What nothing is left of stays at `rest`.
-    pub(crate) fn carry_back(&self, rest: &[Point3<f64>], moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    pub fn carry_back(&self, rest: &[Point3<f64>], moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
         let position = |(vertex, rest): (&Option<u32>, &Point3<f64>)| vertex.map_or(*rest, |v| moved[v as usize]);
         self.vertex_of_source.iter().zip(rest).map(position).collect()
     }
@@ -56,12 +72,12 @@ impl Solvable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plumbline_shape::mesh::shapes;
+    use crate::mesh::shapes;
 
     #[test]
     fn sheets_that_meet_in_an_edge_stay_together_and_soups_become_surfaces() {
         for mesh in [shapes::book(5), shapes::hourglass(), shapes::soup(&shapes::book(4))] {
-            let solvable = Solvable::new(&mesh, &Run::default()).unwrap();
+            let solvable = SolvableMesh::new(&mesh, &Run::default()).unwrap();
             let mut positions: Vec<_> = mesh.positions().iter().map(|p| p.coords.map(f64::to_bits)).collect();
             positions.sort_unstable_by_key(|p| [p.x, p.y, p.z]);
             positions.dedup();
