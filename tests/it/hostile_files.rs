@@ -128,6 +128,34 @@ fn measured(folder: &Path, args: &[&str]) -> (u64, Option<i32>, String) {
     (peak, ended.code(), told)
 }
 
+/// Motions whose numbers are as short as they can be: the bar is ten times the file and 200 MB.
+#[test]
+#[cfg(target_os = "linux")]
+fn dense_motions_take_memory_in_proportion_to_their_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bar = format!("{}/media/mesh-bar.ply", env!("CARGO_MANIFEST_DIR"));
+    let hierarchy = |joints: usize, channels: &str| {
+        let joint = |k: usize| format!("ROOT a{k}\n{{\nOFFSET 0 0 {k}\nCHANNELS {channels}\n}}\n");
+        format!("HIERARCHY\n{}", (0..joints).map(joint).collect::<String>())
+    };
+    let motion = |frames: usize, line: String| {
+        format!("MOTION\nFrames: {frames}\nFrame Time: 0.04\n{}", line.repeat(if line.is_empty() { 0 } else { frames }))
+    };
+    for (name, text, status) in [
+        ("short.bvh", hierarchy(200, "1 Xrotation") + &motion(25_000, "0 ".repeat(200) + "\n"), 0),
+        ("long.bvh", hierarchy(200, "1 Xrotation") + &motion(60_000, "0 ".repeat(200) + "\n"), 65),
+        ("one.bvh", hierarchy(1, "3 Xrotation Yrotation Zrotation") + &motion(2_000_000, "0 0 0\n".to_owned()), 0),
+        ("still.bvh", hierarchy(1000, "0") + &motion(4_000_000, String::new()), 0),
+    ] {
+        write(&folder.path().join(name), &text);
+        let args = ["pose", &bar, "--skeleton", name, "-o", "out.glb", "--overwrite"];
+        let (peak, ended, told) = measured(folder.path(), &args);
+        assert_eq!(ended, Some(status), "{name}: {told}");
+        let most = (10 * text.len() as u64 + 200_000_000) / 1024;
+        assert!(peak < most, "{name}: {peak} of {most} kB");
+    }
+}
+
 /// Small files that would take much memory, or unbounded time, by the sizes that they announce.
 #[test]
 #[cfg(target_os = "linux")]

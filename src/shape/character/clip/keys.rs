@@ -1,5 +1,7 @@
 //! Keyframes and their interpolation.
 
+use std::sync::Arc;
+
 use nalgebra::SVector;
 
 use crate::character::CharacterError;
@@ -26,21 +28,24 @@ pub enum Interpolation<const N: usize> {
 /// Keyframes of an `N`-dimensional value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keys<const N: usize> {
-    pub(super) times: Vec<f64>,
-    pub(super) values: Vec<[f64; N]>,
+    /// Shared: the channels of a recorded motion have all the same times.
+    pub(super) times: Arc<[f64]>,
+    /// Shared by clones: a recorded motion is the largest part of a character, and characters are made from others.
+    pub(super) values: Arc<Vec<[f64; N]>>,
     pub(super) interpolation: Interpolation<N>,
 }
 
 impl<const N: usize> Keys<N> {
-    /// Keyframes at times in seconds.
+    /// Keyframes at times in seconds. Curves with the same times share them where they are given as an `Arc`.
     ///
     /// # Errors
     /// [`CharacterError::Input`]: a count that differs, times that do not ascend, a value that is not finite.
     pub fn new(
-        times: Vec<f64>,
+        times: impl Into<Arc<[f64]>>,
         values: Vec<[f64; N]>,
         interpolation: Interpolation<N>,
     ) -> Result<Self, CharacterError> {
+        let times = times.into();
         let miscounted = |count: usize| {
             let counts = format!("{} key times and {count} values", times.len());
             CharacterError::Input(format!("{counts}: give at least one key, and one value for each"))
@@ -70,7 +75,7 @@ impl<const N: usize> Keys<N> {
                 return Err(CharacterError::Input(format!("the value of key {key} is not finite")));
             }
         }
-        Ok(Self { times, values, interpolation })
+        Ok(Self { times, values: Arc::new(values), interpolation })
     }
 
     /// Key times, s, strictly increasing; at least one.

@@ -17,6 +17,8 @@ mod rotation;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::{CharacterError, Pose, Skeleton};
@@ -194,7 +196,7 @@ impl Clip {
 /// # Errors
 /// Those of [`RotationKeys::new`].
 pub fn rotations(
-    times: Vec<f64>,
+    times: impl Into<Arc<[f64]>>,
     rotations: &[UnitQuaternion<f64>],
     interpolation: Interpolation<4>,
 ) -> Result<RotationKeys, CharacterError> {

@@ -1,5 +1,7 @@
 //! Keyframed rotations. Keys are quaternions x, y, z, w, as in glTF.
 
+use std::sync::Arc;
+
 use nalgebra::{Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::keys::{hermite, joined_rate};
@@ -18,7 +20,7 @@ impl RotationKeys {
     /// [`CharacterError::Input`].
     pub fn new(mut keys: Keys<4>) -> Result<Self, CharacterError> {
         let cubic = matches!(keys.interpolation, Interpolation::Cubic { .. });
-        for (key, value) in keys.values.iter_mut().enumerate() {
+        for (key, value) in Arc::make_mut(&mut keys.values).iter_mut().enumerate() {
             let norm = Vector4::from(*value).norm();
             if !(norm > 0.0 && norm.is_finite()) {
                 let fault = format!("the value of key {key} is no rotation: the quaternion has no length");

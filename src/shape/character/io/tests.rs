@@ -136,6 +136,33 @@ fn the_format_follows_from_the_extension() {
     assert!(rig_text(&skeleton(), None, "fbx").is_err());
 }
 
+/// A motion of one rotation of one digit for each of `joints` joints.
+fn digits(joints: usize, frames: usize) -> String {
+    let roots = "ROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\n".repeat(joints);
+    let numbers = "1 ".repeat(joints * frames);
+    format!("HIERARCHY\n{roots}MOTION\nFrames: {frames}\nFrame Time: 0.5\n{numbers}")
+}
+
+#[test]
+fn curves_of_a_motion_share_their_times() {
+    let rig = parse_bvh(&digits(3, 4)).expect("valid");
+    let times: Vec<&[f64]> = rig.clips[0].tracks().iter().map(|t| t.curve.times()).collect();
+    assert_eq!(times, [[0.0, 0.5, 1.0, 1.5]; 3]);
+    assert!(times.iter().all(|t| std::ptr::eq(*t, times[0])));
+}
+
+#[test]
+fn motions_that_take_far_more_memory_than_their_text_are_refused() {
+    // 32 bytes for each of 1.2 · 10⁷ numbers of two bytes.
+    let told = parse_bvh(&digits(100, 120_000)).expect_err("to be refused").to_string();
+    let expected = "BVH, line 504: 120000 frames of 100 numbers take 384000000 bytes in memory (at most ";
+    assert!(told.starts_with(expected) && told.ends_with("or numbers with more digits"), "{told}");
+    // A motion that announces more frames than it has is cut short, not too large.
+    let cut = digits(100, 10).replace("Frames: 10", "Frames: 4000000");
+    let told = parse_bvh(&cut).expect_err("to be refused").to_string();
+    assert!(told.ends_with("it is cut short"), "{told}");
+}
+
 #[test]
 fn errors_name_the_line_and_the_value() {
     let bvh = |text: &str| parse_bvh(text).expect_err("to be refused").to_string();

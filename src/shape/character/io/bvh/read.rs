@@ -1,13 +1,16 @@
 //! BVH reader.
 
+use std::sync::Arc;
+
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::Rig;
 use super::super::text::{Words, shown};
 use super::{END, FORMAT};
-use crate::character::clip::{Curve, Interpolation, Keys, Track, rotations};
+use crate::character::clip::{Curve, Interpolation, Keys, RotationKeys, Track};
 use crate::character::skeleton::MAX_JOINTS;
 use crate::character::{Clip, Joint, RigFileError, Skeleton};
+use plumbline_num::document::memory_allowance;
 use plumbline_num::math::Trs;
 
 /// Largest number of frames: nineteen hours at 60 per second.
@@ -57,7 +60,7 @@ pub fn parse_bvh(text: &str) -> Result<Rig, RigFileError> {
         }
     }
     unique(&mut joints);
-    let clip = movement(&mut words, &joints, &channels)?;
+    let clip = movement(&mut words, &joints, &channels, text.len())?;
     Ok(Rig { skeleton: Skeleton::new(joints)?, clips: clip.into_iter().collect(), warnings: Vec::new() })
 }
 
@@ -158,7 +161,13 @@ fn unique(joints: &mut [Joint]) {
     }
 }
 
-fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> Result<Option<Clip>, RigFileError> {
+/// The motion of a text of `length` bytes.
+fn movement(
+    words: &mut Words<'_>,
+    joints: &[Joint],
+    channels: &[Channels],
+    length: usize,
+) -> Result<Option<Clip>, RigFileError> {
     words.expect("Frames:")?;
     let frames = words.count("the number of frames", MAX_FRAMES)?;
     words.expect("Frame")?;
@@ -167,45 +176,104 @@ fn movement(words: &mut Words<'_>, joints: &[Joint], channels: &[Channels]) -> R
     if frames > 1 && !(step > 0.0) {
         return Err(words.fault(format!("{step} s between frames (expected more than 0)")));
     }
-    let mut joint_rotations = vec![Vec::new(); channels.len()];
-    let mut positions = vec![Vec::new(); channels.len()];
+    let stored = stored_frames(words, frames, channels, length)?;
+    let mut curves: Vec<Values> = channels.iter().map(|of_joint| Values::new(of_joint, stored)).collect();
     for frame in 0..frames {
-        for (k, of_joint) in channels.iter().enumerate() {
-            let mut rotation = UnitQuaternion::identity();
-            let mut position = joints[of_joint.joint].rest.translation;
-            for &each in &of_joint.moves {
-                let number = words
-                    .number_of(|| format!("a number of {:?} in frame {frame}", shown(&joints[of_joint.joint].name)))?;
-                match each {
-                    Move::Along(axis) => position[axis] += number,
-                    Move::About(axis) => {
-                        rotation *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians());
-                    }
-                }
-            }
-            if of_joint.turns() {
-                joint_rotations[k].push(rotation);
-            }
-            if of_joint.shifts() {
-                positions[k].push(<[f64; 3]>::from(position));
-            }
+        for (of_joint, values) in channels.iter().zip(&mut curves) {
+            values.read(words, of_joint, &joints[of_joint.joint], frame)?;
         }
     }
     if let Some(more) = words.next() {
         return Err(words.fault(format!("{more:?} after the last of {frames} frames")));
     }
-    let times: Vec<f64> = (0..frames).map(|k| k as f64 * step).collect();
+    if frames == 0 {
+        return Ok(None);
+    }
+    let times: Arc<[f64]> = (0..frames).map(|k| k as f64 * step).collect();
     let mut tracks = Vec::new();
-    for (k, of_joint) in channels.iter().enumerate().filter(|_| frames > 0) {
+    for (of_joint, values) in channels.iter().zip(curves) {
         let joint = of_joint.joint as u32;
-        if of_joint.shifts() {
-            let keys = Keys::new(times.clone(), std::mem::take(&mut positions[k]), Interpolation::Linear)?;
+        if let Some(positions) = values.positions {
+            let keys = Keys::new(times.clone(), positions, Interpolation::Linear)?;
             tracks.push(Track { joint, curve: Curve::Translation(keys) });
         }
-        if of_joint.turns() {
-            let keys = rotations(times.clone(), &joint_rotations[k], Interpolation::Linear)?;
+        if let Some(rotations) = values.rotations {
+            let keys = RotationKeys::new(Keys::new(times.clone(), rotations, Interpolation::Linear)?)?;
             tracks.push(Track { joint, curve: Curve::Rotation(keys) });
         }
     }
-    Ok(if frames > 0 { Some(Clip::new("motion", tracks, Vec::new())?) } else { None })
+    Ok(Some(Clip::new("motion", tracks, Vec::new())?))
+}
+
+/// How many of the announced frames a text of `length` bytes can hold.
+///
+/// # Errors
+/// Their values would take more memory than a file of that size may: a rotation of one digit takes 2 bytes there and 32 here.
+fn stored_frames(
+    words: &Words<'_>,
+    frames: usize,
+    channels: &[Channels],
+    length: usize,
+) -> Result<usize, RigFileError> {
+    let numbers: usize = channels.iter().map(|c| c.moves.len()).sum();
+    // A number and the space after it are two bytes: a text that announces more is cut short.
+    let stored = frames.min(length / (2 * numbers.max(1)) + 1);
+    let per_frame: usize = channels.iter().map(Values::per_frame).sum();
+    let (bytes, most) = (stored as u64 * per_frame as u64, memory_allowance(length as u64));
+    if bytes > most {
+        return Err(words.fault(format!(
+            "{frames} frames of {numbers} numbers take {bytes} bytes in memory (at most {most} for a text of {length} bytes): give \
+             fewer frames, or numbers with more digits"
+        )));
+    }
+    Ok(stored)
+}
+
+/// Values of a joint over time, as [`Keys`] store them: they are the largest part of the memory that a motion takes, and are moved
+/// from here into the clip.
+struct Values {
+    positions: Option<Vec<[f64; 3]>>,
+    rotations: Option<Vec<[f64; 4]>>,
+}
+
+impl Values {
+    fn new(channels: &Channels, frames: usize) -> Self {
+        Self {
+            positions: channels.shifts().then(|| Vec::with_capacity(frames)),
+            rotations: channels.turns().then(|| Vec::with_capacity(frames)),
+        }
+    }
+
+    /// Bytes of a frame.
+    fn per_frame(channels: &Channels) -> usize {
+        size_of::<[f64; 3]>() * usize::from(channels.shifts()) + size_of::<[f64; 4]>() * usize::from(channels.turns())
+    }
+
+    /// Reads the numbers of a frame.
+    fn read(
+        &mut self,
+        words: &mut Words<'_>,
+        channels: &Channels,
+        joint: &Joint,
+        frame: usize,
+    ) -> Result<(), RigFileError> {
+        let mut rotation = UnitQuaternion::identity();
+        let mut position = joint.rest.translation;
+        for &each in &channels.moves {
+            let number = words.number_of(|| format!("a number of {:?} in frame {frame}", shown(&joint.name)))?;
+            match each {
+                Move::Along(axis) => position[axis] += number,
+                Move::About(axis) => {
+                    rotation *= UnitQuaternion::from_axis_angle(&Vector3::ith_axis(axis), number.to_radians());
+                }
+            }
+        }
+        if let Some(rotations) = &mut self.rotations {
+            rotations.push(rotation.coords.into());
+        }
+        if let Some(positions) = &mut self.positions {
+            positions.push(position.into());
+        }
+        Ok(())
+    }
 }
