@@ -1,6 +1,6 @@
 //! Vertex selections: by index, by position, by name, and set operations.
 
-use std::cell::RefCell;
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -13,6 +13,7 @@ use super::HandleFileError;
 use super::document::rejected;
 use crate::mesh::VertexRef;
 use crate::mesh::region::{Ball, HalfSpace};
+use plumbline_num::spatial::KdTree;
 
 /// Maximum depth of selections within selections, through named sets too: people nest two or three. Bounds the stack.
 const MAX_NESTING: usize = 256;
@@ -38,7 +39,9 @@ impl<'de> Deserialize<'de> for Selection {
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str(
-                    "the name of a set, a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\": …}, {\"range\": …}, {\"box\": …}, {\"sphere\": …}, {\"half_space\": …}, {\"nearest\": …}, {\"union\": …}, {\"intersection\": …}, {\"not\": …}",
+                    "the name of a set, a list of vertices (indices, or positions [x, y, z]), or one of {\"indices\": …}, \
+                     {\"range\": …}, {\"box\": …}, {\"sphere\": …}, {\"half_space\": …}, {\"nearest\": …}, {\"union\": …}, \
+                     {\"intersection\": …}, {\"not\": …}",
                 )
             }
 
@@ -125,11 +128,18 @@ pub(super) struct Selector<'a> {
     sets: &'a BTreeMap<String, Selection>,
     /// Sets resolved so far: of forty sets, each the union of the one before with itself, the last would be resolved 2⁴⁰ times.
     known: RefCell<BTreeMap<&'a str, Bits>>,
+    /// Nearest vertices searched so far, and the tree for all after the first [`LINEAR_SEARCHES`].
+    searches: Cell<usize>,
+    tree: OnceCell<KdTree>,
 }
+
+/// Nearest vertices that are found by linear search. A tree of n points takes n log² n steps, as many as some hundred searches of n:
+/// files with a few positions do without.
+const LINEAR_SEARCHES: usize = 100;
 
 impl<'a> Selector<'a> {
     pub(super) fn new(positions: &'a [Point3<f64>], sets: &'a BTreeMap<String, Selection>) -> Self {
-        Self { positions, sets, known: RefCell::default() }
+        Self { positions, sets, known: RefCell::default(), searches: Cell::default(), tree: OnceCell::new() }
     }
 
     /// Lowest and highest coordinates of the mesh, for messages.
@@ -286,8 +296,9 @@ impl<'a> Selector<'a> {
     fn referenced(&self, reference: &VertexRef, context: &str) -> Result<u32, HandleFileError> {
         match reference {
             VertexRef::Vertex(index) => self.vertex(*index, context),
-            VertexRef::Nearest(position) => reference
-                .find_in(self.positions)
+            VertexRef::Nearest(position) => Some(position)
+                .filter(|p| p.iter().all(|c| c.is_finite()))
+                .and_then(|p| self.nearest(p))
                 .ok_or_else(|| rejected(context, "position", format!("{position:?}"), "three finite numbers")),
         }
     }
@@ -300,8 +311,33 @@ impl<'a> Selector<'a> {
 
     /// The nearest vertex, the first of equally near ones; `None` without vertices.
     fn nearest(&self, point: &[f64; 3]) -> Option<u32> {
-        let point = Point3::from(*point);
-        let distance = |v: &usize| nalgebra::distance_squared(&self.positions[*v], &point);
-        (0..self.positions.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|v| v as u32)
+        self.searches.set(self.searches.get() + 1);
+        if self.searches.get() <= LINEAR_SEARCHES {
+            return VertexRef::Nearest(*point).find_in(self.positions);
+        }
+        let tree = self.tree.get_or_init(|| KdTree::new(self.positions));
+        tree.first_nearest(&Point3::from(*point)).map(|(v, _)| v)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn searches_by_tree_find_the_vertices_that_linear_searches_find() {
+        let mut random = fastrand::Rng::with_seed(8);
+        // On a coarse lattice, so that distances tie.
+        let mut lattice = |k: f64| [0; 3].map(|_| f64::from(random.u8(0..8)) / k);
+        let positions: Vec<_> = (0..900).map(|_| Point3::from(lattice(1.0))).collect();
+        let sets = BTreeMap::new();
+        let selector = Selector::new(&positions, &sets);
+        for _ in 0..4 * LINEAR_SEARCHES {
+            let point = lattice(2.0);
+            assert_eq!(selector.nearest(&point), VertexRef::Nearest(point).find_in(&positions), "{point:?}");
+        }
+        assert!(selector.tree.get().is_some());
+        let none = Selector::new(&[], &sets);
+        assert!((0..2 * LINEAR_SEARCHES).all(|_| none.nearest(&[0.0; 3]).is_none()));
     }
 }
