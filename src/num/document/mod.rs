@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use crate::files::open_regular;
-pub use size::{JsonCosts, ValueWithin, memory_allowance};
+pub use size::{JsonCosts, ValueWithin, max_memory_of};
 
 /// The one version of every kind that is read and written.
 pub const VERSION: u32 = 1;

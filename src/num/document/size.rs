@@ -17,7 +17,7 @@ const FREE: u64 = 150 << 20;
 
 /// Bytes in memory that the values of a file of `file_bytes` may take. With the file itself and the program that makes ten times the
 /// file and 200 MB.
-pub const fn memory_allowance(file_bytes: u64) -> u64 {
+pub fn max_memory_of(file_bytes: u64) -> u64 {
     FREE.saturating_add(PER_BYTE.saturating_mul(file_bytes))
 }
 
@@ -30,7 +30,7 @@ pub struct JsonCosts {
     pub list: u64,
     /// Of an item or member that is no object or list.
     pub item: u64,
-    /// Of a `null` beyond that: it takes the place of the largest value that could stand there.
+    /// Of a `null` beyond that: the largest value could stand there.
     pub null: u64,
 }
 
@@ -101,7 +101,7 @@ impl Scan {
     }
 
     fn within(self, file_bytes: u64) -> Result<(), u64> {
-        if self.sum <= memory_allowance(file_bytes) { Ok(()) } else { Err(self.sum) }
+        if self.sum <= max_memory_of(file_bytes) { Ok(()) } else { Err(self.sum) }
     }
 }
 

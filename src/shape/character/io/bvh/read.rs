@@ -10,7 +10,7 @@ use super::{END, FORMAT};
 use crate::character::clip::{Curve, Interpolation, Keys, RotationKeys, Track};
 use crate::character::skeleton::MAX_JOINTS;
 use crate::character::{Clip, Joint, RigFileError, Skeleton};
-use plumbline_num::document::memory_allowance;
+use plumbline_num::document::max_memory_of;
 use plumbline_num::math::Trs;
 
 /// Largest number of frames: nineteen hours at 60 per second.
@@ -219,7 +219,7 @@ fn stored_frames(
     // A number and the space after it are two bytes: a text that announces more is cut short.
     let stored = frames.min(length / (2 * numbers.max(1)) + 1);
     let per_frame: usize = channels.iter().map(Values::per_frame).sum();
-    let (bytes, most) = (stored as u64 * per_frame as u64, memory_allowance(length as u64));
+    let (bytes, most) = (stored as u64 * per_frame as u64, max_memory_of(length as u64));
     if bytes > most {
         return Err(words.fault(format!(
             "{frames} frames of {numbers} numbers take {bytes} bytes in memory (at most {most} for a text of {length} bytes): give \
