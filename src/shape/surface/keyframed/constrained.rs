@@ -1,12 +1,9 @@
-//! Handles of a mesh as it was read, on the mesh that is deformed.
-//!
-//! A handle names vertices of the file. Repair joins some of them and leaves some out: every vertex of the result belongs to
-//! the handle of the vertices that it was.
+//! The constrained vertices of the surface that is solved for, and their targets over time.
 
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::solvable::SolvableMesh;
-use crate::mesh::TriMesh;
+use crate::mesh::{TriMesh, neighbors_of_vertices};
 use crate::surface::handle_file::{MeshHandles, Track};
 use crate::surface::{Constraint, HandlePose, Handles, SurfaceError};
 use plumbline_num::spatial::ShortestPaths;
@@ -147,15 +144,9 @@ pub(super) fn max_rotation(handles: &MeshHandles, from: f64, to: f64) -> f64 {
 
 /// Length of the shortest path along edges from any of `starts`; infinite where there is none.
 fn distances(mesh: &TriMesh, starts: impl Iterator<Item = usize>) -> Vec<f64> {
-    let mut sides: Vec<(u32, u32)> =
-        mesh.triangles().iter().flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]).collect();
-    sides.sort_unstable();
-    sides.dedup();
-    let edges = |v: u32| {
-        let of_v = sides[sides.partition_point(|s| s.0 < v)..].iter().take_while(move |s| s.0 == v);
-        let p = mesh.positions();
-        of_v.map(move |&(_, w)| (w, nalgebra::distance(&p[v as usize], &p[w as usize])))
-    };
+    let (p, neighbors) = (mesh.positions(), neighbors_of_vertices(mesh.vertex_count(), mesh.triangles()));
+    let edges =
+        |v: u32| neighbors[v as usize].iter().map(move |&w| (w, nalgebra::distance(&p[v as usize], &p[w as usize])));
     ShortestPaths::new(mesh.vertex_count(), starts.map(|v| v as u32), edges).length
 }
 

@@ -143,27 +143,92 @@ impl KeyframedDeformer {
         let steps = (angle / MAX_ROTATION).ceil().clamp(1.0, 1000.0) as u32;
         for step in 1..steps {
             let between = from + (time - from) * f64::from(step) / f64::from(steps);
-            self.follow(between, ON_THE_PATH, run)?;
+            self.step(between, ON_THE_PATH, run)?;
         }
-        self.follow(time, self.options.convergence.max_iterations, run)
+        self.step(time, self.options.convergence.max_iterations, run)
     }
 
-    /// The pose at a time after at most so many iterations from the last one: for a hand that drags, where the next call goes on.
+    /// The pose at a time after at most so many iterations from a surface that is near: for a hand that drags, where the next call
+    /// goes on from the result of this one.
     ///
     /// # Errors
     /// As [`Deformer::deform`].
-    pub fn follow(&mut self, time: f64, iterations: usize, run: &Run) -> Result<Deformation, SurfaceError> {
+    pub fn follow(
+        &mut self,
+        time: f64,
+        from: &[Point3<f64>],
+        iterations: usize,
+        run: &Run,
+    ) -> Result<Deformation, SurfaceError> {
+        self.solve(time, InitialGuess::At(from), iterations, run)
+    }
+
+    fn step(&mut self, time: f64, iterations: usize, run: &Run) -> Result<Deformation, SurfaceError> {
+        let start = if self.at.is_some() { InitialGuess::Last } else { self.options.init };
+        self.solve(time, start, iterations, run)
+    }
+
+    fn solve(
+        &mut self,
+        time: f64,
+        start: InitialGuess<'_>,
+        iterations: usize,
+        run: &Run,
+    ) -> Result<Deformation, SurfaceError> {
         let Convergence { max_iterations, tolerance } = self.options.convergence;
         let convergence = Convergence { max_iterations: iterations.min(max_iterations), tolerance };
-        let start = if self.at.is_some() { InitialGuess::Last } else { self.options.init };
         let pose = self.constrained.pose(&self.handles, &self.rest, &self.solvable.mesh, time);
         let deformed = self.deformer.deform(&pose, start, &convergence, run)?;
         self.at = Some(time);
         Ok(deformed)
     }
 
+    /// The surface that is solved for, at rest.
+    pub fn solvable(&self) -> &SolvableMesh {
+        &self.solvable
+    }
+
     /// Positions of the file's vertices for those of the surface.
     pub fn carry_back(&self, moved: &[Point3<f64>]) -> Vec<Point3<f64>> {
         self.solvable.carry_back(&self.rest, moved)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+    use crate::surface::handle_file::HandleFile;
+
+    fn bent(shift: f64) -> KeyframedDeformer {
+        let bar = shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
+        let text = format!(
+            r#"{{"format": "plumbline.handles", "version": 1, "handles": [
+                {{"vertices": {{"half_space": {{"point": [0, 0, 0.1], "normal": [0, 0, -1]}}}}}},
+                {{"vertices": {{"half_space": {{"point": [0, 0, 4.9], "normal": [0, 0, 1]}}}},
+                  "rigid": {{"translation": [{shift}, 0, 0]}}}}]}}"#
+        );
+        let (handles, run) = (HandleFile::parse(&text).unwrap().of_mesh(bar.positions()).unwrap(), Run::default());
+        let solvable = Arc::new(SolvableMesh::new(&bar, &run).unwrap());
+        KeyframedDeformer::new(&bar, solvable, handles, &KeyframedOptions::default(), &run).unwrap()
+    }
+
+    #[test]
+    fn a_drag_ends_where_the_pose_is_and_a_restart_forgets_it() {
+        let run = Run::default();
+        let (mut dragged, mut told) = (bent(0.5), bent(1.0));
+        let expected = told.pose(1.0, &run).unwrap();
+        let mut shown = dragged.solvable().mesh.positions().to_vec();
+        dragged.set_track(1, told.handles().handles[1].track.clone());
+        let last = (0..200).map(|_| {
+            let found = dragged.follow(1.0, &shown, 1, &run).unwrap();
+            shown.clone_from(&found.positions);
+            found.report
+        });
+        let (energy, wanted) =
+            (*last.last().unwrap().energies.last().unwrap(), *expected.report.energies.last().unwrap());
+        assert!((energy - wanted).abs() <= 1e-3 * wanted, "{energy} {wanted}");
+        dragged.restart();
+        assert_eq!(dragged.pose(1.0, &run).unwrap(), expected, "the same as without the drag");
     }
 }
