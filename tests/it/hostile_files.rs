@@ -138,14 +138,14 @@ fn dense_motions_take_memory_in_proportion_to_their_file() {
         let joint = |k: usize| format!("ROOT a{k}\n{{\nOFFSET 0 0 {k}\nCHANNELS {channels}\n}}\n");
         format!("HIERARCHY\n{}", (0..joints).map(joint).collect::<String>())
     };
-    let motion = |frames: usize, line: String| {
-        format!("MOTION\nFrames: {frames}\nFrame Time: 0.04\n{}", line.repeat(if line.is_empty() { 0 } else { frames }))
-    };
+    let motion =
+        |frames: usize, line: &str| format!("MOTION\nFrames: {frames}\nFrame Time: 0.04\n{}", line.repeat(frames));
+    let row = "0 ".repeat(200) + "\n";
     for (name, text, status) in [
-        ("short.bvh", hierarchy(200, "1 Xrotation") + &motion(25_000, "0 ".repeat(200) + "\n"), 0),
-        ("long.bvh", hierarchy(200, "1 Xrotation") + &motion(60_000, "0 ".repeat(200) + "\n"), 65),
-        ("one.bvh", hierarchy(1, "3 Xrotation Yrotation Zrotation") + &motion(2_000_000, "0 0 0\n".to_owned()), 0),
-        ("still.bvh", hierarchy(1000, "0") + &motion(4_000_000, String::new()), 0),
+        ("short.bvh", hierarchy(200, "1 Xrotation") + &motion(25_000, &row), 0),
+        ("long.bvh", hierarchy(200, "1 Xrotation") + &motion(60_000, &row), 65),
+        ("one.bvh", hierarchy(1, "3 Xrotation Yrotation Zrotation") + &motion(2_000_000, "0 0 0\n"), 0),
+        ("still.bvh", hierarchy(1000, "0") + &motion(4_000_000, ""), 0),
     ] {
         write(&folder.path().join(name), &text);
         let args = ["pose", &bar, "--skeleton", name, "-o", "out.glb", "--overwrite"];

@@ -1,6 +1,6 @@
 //! Vertex selections: by index, by position, by name, and set operations.
 
-use std::cell::{Cell, OnceCell, RefCell};
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -128,18 +128,13 @@ pub(super) struct Selector<'a> {
     sets: &'a BTreeMap<String, Selection>,
     /// Sets resolved so far: of forty sets, each the union of the one before with itself, the last would be resolved 2⁴⁰ times.
     known: RefCell<BTreeMap<&'a str, Bits>>,
-    /// Nearest vertices searched so far, and the tree for all after the first [`LINEAR_SEARCHES`].
-    searches: Cell<usize>,
+    /// Of all positions, made where a nearest vertex is asked for: files may name millions.
     tree: OnceCell<KdTree>,
 }
 
-/// Nearest vertices that are found by linear search. A tree of n points takes n log² n steps, as many as some hundred searches of n:
-/// files with a few positions do without.
-const LINEAR_SEARCHES: usize = 100;
-
 impl<'a> Selector<'a> {
     pub(super) fn new(positions: &'a [Point3<f64>], sets: &'a BTreeMap<String, Selection>) -> Self {
-        Self { positions, sets, known: RefCell::default(), searches: Cell::default(), tree: OnceCell::new() }
+        Self { positions, sets, known: RefCell::default(), tree: OnceCell::new() }
     }
 
     /// Lowest and highest coordinates of the mesh, for messages.
@@ -311,10 +306,6 @@ impl<'a> Selector<'a> {
 
     /// The nearest vertex, the first of equally near ones; `None` without vertices.
     fn nearest(&self, point: &[f64; 3]) -> Option<u32> {
-        self.searches.set(self.searches.get() + 1);
-        if self.searches.get() <= LINEAR_SEARCHES {
-            return VertexRef::Nearest(*point).find_in(self.positions);
-        }
         let tree = self.tree.get_or_init(|| KdTree::new(self.positions));
         tree.first_nearest(&Point3::from(*point)).map(|(v, _)| v)
     }
@@ -332,12 +323,12 @@ mod tests {
         let positions: Vec<_> = (0..900).map(|_| Point3::from(lattice(1.0))).collect();
         let sets = BTreeMap::new();
         let selector = Selector::new(&positions, &sets);
-        for _ in 0..4 * LINEAR_SEARCHES {
+        for _ in 0..400 {
             let point = lattice(2.0);
             assert_eq!(selector.nearest(&point), VertexRef::Nearest(point).find_in(&positions), "{point:?}");
         }
-        assert!(selector.tree.get().is_some());
-        let none = Selector::new(&[], &sets);
-        assert!((0..2 * LINEAR_SEARCHES).all(|_| none.nearest(&[0.0; 3]).is_none()));
+        // Squares of distances beyond the range of numbers are equal.
+        assert_eq!(selector.nearest(&[1e200; 3]), Some(0));
+        assert_eq!(Selector::new(&[], &sets).nearest(&[0.0; 3]), None);
     }
 }
