@@ -1,0 +1,10 @@
+//! The studio: meshes, characters and photos edited by hand in the browser, over the same engine.
+//!
+//! A document is a value ([`workspace::Workspace::Document`]): what a pipeline file and its side files say. An edit is a function from a
+//! document to another one; the history is a list of documents. What can be computed again (a factor, a solved surface) belongs to
+//! the workspace, and is brought up to date in slices on the thread of the document. The page draws; it solves nothing.
+
+pub mod error;
+pub mod files;
+pub mod outbox;
+pub mod workspace;

@@ -1,0 +1,37 @@
+// A document's connection to the server: edits out, state and buffers in. The shell implements it; workspaces use it.
+import type { ReadonlySignal } from "@preact/signals";
+
+/** One entry of the history list. */
+export interface HistoryStep { label: string }
+
+/** The history of a document. */
+export interface History { steps: HistoryStep[]; at: number; savedAt: number | null }
+
+/** What a workspace sees of its document. `State` is the workspace's `State` of the server. */
+export interface Connection<State = unknown> {
+  readonly document: string;
+  readonly workspace: string;
+  readonly state: ReadonlySignal<State | null>;
+  readonly history: ReadonlySignal<History>;
+  /** Whether the server computes. */
+  readonly working: ReadonlySignal<boolean>;
+  readonly connected: ReadonlySignal<boolean>;
+  /** A change of the document; resolves when it is applied, rejects with the server's text. */
+  edit(edit: unknown): Promise<void>;
+  /** The same for drags: while one is on its way only the newest waits. */
+  drag(edit: unknown): void;
+  /** Ends the step of the history that drags in a row made (the pointer is released). */
+  seal(): void;
+  view(view: unknown): void;
+  /** A question; downloads start by themselves and resolve to their name. */
+  ask<T = unknown>(ask: unknown): Promise<T>;
+  undo(): void;
+  redo(): void;
+  goTo(step: number): void;
+  save(): Promise<void>;
+  /** Calls `listener` for each buffer of a kind, first with the newest one known. Returns the way to stop. */
+  onBuffer(kind: number, listener: (buffer: Incoming) => void): () => void;
+}
+
+/** A buffer of the server: numbers as the kind defines them. `payload` starts at a multiple of 8 bytes. */
+export interface Incoming { kind: number; item: number; edit: number; payload: ArrayBuffer }
