@@ -1,0 +1,89 @@
+// Builds the page: `node build.mjs [--watch]`. Gives `dist/`: index.html, main.js, chunks loaded when a workspace opens, one style
+// sheet of all `src/**/style.css`, and beside each file its gzip copy, which the program embeds.
+import { build, context } from "esbuild";
+import { gzipSync } from "node:zlib";
+import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
+import { dirname, join, relative } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const root = dirname(fileURLToPath(import.meta.url));
+const dist = join(root, "dist");
+const MAX_COMPRESSED = 1.2e6;
+
+const files = (folder) =>
+  readdirSync(folder, { withFileTypes: true }).flatMap((entry) => {
+    const path = join(folder, entry.name);
+    return entry.isDirectory() ? files(path) : [path];
+  });
+
+/** All style sheets in one: the shell's first, so that workspaces may refine it. */
+const styles = {
+  name: "styles",
+  setup(esbuild) {
+    esbuild.onResolve({ filter: /^all-styles$/ }, () => ({ path: "all.css", namespace: "styles" }));
+    esbuild.onLoad({ filter: /.*/, namespace: "styles" }, () => {
+      const own = files(join(root, "src")).filter((path) => path.endsWith("style.css")).sort();
+      const shell = join(root, "src/shell/style.css");
+      const sheets = [join(root, "node_modules/uplot/dist/uPlot.min.css"), shell, ...own.filter((path) => path !== shell)];
+      return {
+        contents: sheets.map((path) => `@import ${JSON.stringify(path)};`).join("\n"),
+        loader: "css",
+        resolveDir: root,
+        watchFiles: sheets,
+      };
+    });
+  },
+};
+
+const options = {
+  absWorkingDir: root,
+  entryPoints: { main: "src/main.tsx", style: "all-styles" },
+  outdir: dist,
+  bundle: true,
+  splitting: true,
+  format: "esm",
+  target: ["es2022"],
+  minify: true,
+  legalComments: "linked",
+  chunkNames: "chunks/[name]-[hash]",
+  jsx: "automatic",
+  jsxImportSource: "preact",
+  define: { "process.env.NODE_ENV": '"production"' },
+  logLevel: "warning",
+  metafile: true,
+  plugins: [styles, { name: "finish", setup: (esbuild) => esbuild.onEnd((result) => void finish(result)) }],
+};
+
+/** The page itself, compressed copies, and what they weigh. */
+function finish(result) {
+  if (result.errors.length > 0) return;
+  const current = new Set(Object.keys(result.metafile.outputs).map((path) => join(root, path)));
+  for (const name of ["index.html", "icon.svg"]) {
+    copyFileSync(join(root, name), join(dist, name));
+    current.add(join(dist, name));
+  }
+  let total = 0;
+  for (const path of files(dist)) {
+    if (path.endsWith(".gz")) continue;
+    if (!current.has(path)) {
+      rmSync(path);
+      rmSync(`${path}.gz`, { force: true });
+      continue;
+    }
+    const compressed = gzipSync(readFileSync(path), { level: 9 });
+    writeFileSync(`${path}.gz`, compressed);
+    if (!path.endsWith(".LEGAL.txt")) total += compressed.length;
+    if (process.argv.includes("--sizes")) console.log(`${String(compressed.length).padStart(8)}  ${relative(dist, path)}`);
+  }
+  console.log(`studio page: ${(total / 1e6).toFixed(3)} MB compressed (at most ${MAX_COMPRESSED / 1e6})`);
+  if (total > MAX_COMPRESSED) process.exitCode = 1;
+}
+
+if (!existsSync(join(root, "node_modules"))) {
+  console.error("studio page: packages are missing: npm ci --prefix src/studio/ui");
+  process.exit(1);
+}
+if (!process.argv.includes("--watch")) rmSync(dist, { recursive: true, force: true });
+mkdirSync(dist, { recursive: true });
+if (process.argv.includes("--watch")) await (await context(options)).watch();
+else await build(options);

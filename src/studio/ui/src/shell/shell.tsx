@@ -1,0 +1,4 @@
+// Everything around the workspaces.
+export function Shell() {
+  return <div class="shell" />;
+}

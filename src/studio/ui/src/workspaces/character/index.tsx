@@ -1,0 +1,8 @@
+// The character workspace.
+import type { WorkspacePage } from "../../workspace";
+
+export const page: WorkspacePage = {
+  name: "character",
+  View: () => <main class="workspace" />,
+  commands: () => [],
+};
