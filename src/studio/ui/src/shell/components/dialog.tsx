@@ -1,0 +1,44 @@
+// Dialogs above everything; the browser keeps the focus inside.
+import type { ComponentChildren } from "preact";
+import { useEffect, useId, useRef } from "preact/hooks";
+import { ToolButton } from "./button";
+
+/** A dialog, shown as long as it is rendered. Escape and the close button call `onClose`; a `form` with buttons goes in `actions`. */
+export function Dialog(props: {
+  title: string;
+  onClose: () => void;
+  children: ComponentChildren;
+  actions?: ComponentChildren;
+  wide?: boolean;
+  /** Where a choice must be made: no close button, Escape does nothing. */
+  modal?: boolean;
+  class?: string;
+}) {
+  const { title, onClose, children, actions, wide, modal } = props;
+  const id = useId();
+  const dialog = useRef<HTMLDialogElement>(null);
+  useEffect(() => {
+    const element = dialog.current;
+    const before = document.activeElement as HTMLElement | null;
+    element?.showModal();
+    element?.querySelector<HTMLElement>("[data-autofocus]")?.focus();
+    return () => { element?.close(); before?.focus?.(); };
+  }, []);
+  return (
+    <dialog
+      ref={dialog}
+      class={`dialog ${wide ? "wide" : ""} ${props.class ?? ""}`}
+      aria-labelledby={id}
+      onCancel={(event) => { event.preventDefault(); if (!modal) onClose(); }}
+      onMouseDown={(event) => { if (!modal && event.target === event.currentTarget) onClose(); }}
+      onKeyDown={(event) => event.stopPropagation()}
+    >
+      <div class="dialog-head">
+        <h2 id={id} class="grow ellipsis">{title}</h2>
+        {!modal && <ToolButton icon="close" label="Close" onClick={onClose} />}
+      </div>
+      <div class="dialog-body">{children}</div>
+      {actions && <div class="dialog-actions">{actions}</div>}
+    </dialog>
+  );
+}
