@@ -1,4 +1,4 @@
-// A document's connection to the server: edits out, state and buffers in. The shell implements it; workspaces use it.
+// A document's connection to the server: edits out, state and buffers in. `shell/socket_connection.ts` implements it; workspaces use it.
 import type { ReadonlySignal } from "@preact/signals";
 
 /** One entry of the history list. */
@@ -16,12 +16,14 @@ export interface Connection<State = unknown> {
   /** Whether the server computes. */
   readonly working: ReadonlySignal<boolean>;
   readonly connected: ReadonlySignal<boolean>;
-  /** A change of the document; resolves when it is applied, rejects with the server's text. */
+  /** A change of the document; resolves when it is applied, rejects with the server's text, which the shell shows as well. A
+   * rejection that nobody awaits is no fault. The same holds for `ask` and `save`. */
   edit(edit: unknown): Promise<void>;
   /** The same for drags: while one is on its way only the newest waits. */
   drag(edit: unknown): void;
   /** Ends the step of the history that drags in a row made (the pointer is released). */
   seal(): void;
+  /** What this window looks at. Fields are kept, and sent again after the connection was lost. */
   view(view: unknown): void;
   /** A question; downloads start by themselves and resolve to their name. */
   ask<T = unknown>(ask: unknown): Promise<T>;
@@ -29,7 +31,7 @@ export interface Connection<State = unknown> {
   redo(): void;
   goTo(step: number): void;
   save(): Promise<void>;
-  /** Calls `listener` for each buffer of a kind, first with the newest one known. Returns the way to stop. */
+  /** Calls `listener` for each buffer of a kind, first with the newest known of each item. Returns the way to stop. */
   onBuffer(kind: number, listener: (buffer: Incoming) => void): () => void;
 }
 
