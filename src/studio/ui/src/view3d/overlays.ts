@@ -10,13 +10,11 @@ import type { Surface } from "./surface";
 export class VertexMarks {
   readonly points: Points;
   private readonly geometry = new BufferGeometry();
-  private readonly material = new PointsMaterial({ size: 5, sizeAttenuation: false, transparent: true, depthTest: true });
+  private readonly material = round(new PointsMaterial({ sizeAttenuation: false, transparent: true }), 4e-4);
 
   constructor(private readonly surface: Surface, private readonly invalidate: () => void, color: string, size: number) {
     this.material.size = size * devicePixelRatio;
     this.material.color = new Color(color);
-    this.material.polygonOffset = true;
-    this.material.polygonOffsetFactor = -2;
     this.points = new Points(this.geometry, this.material);
     this.points.frustumCulled = false;
     this.points.renderOrder = 2;
@@ -39,6 +37,17 @@ export class VertexMarks {
   }
 }
 
+/** Dots as disks, moved towards the viewer by a fraction of the depth so that the surface they lie on does not cover them. */
+function round(material: PointsMaterial, nearer = 0): PointsMaterial {
+  material.onBeforeCompile = (shader) => {
+    shader.vertexShader = shader.vertexShader.replace("#include <logdepthbuf_vertex>",
+      `gl_Position.z -= ${nearer.toFixed(6)} * gl_Position.w;\n#include <logdepthbuf_vertex>`);
+    shader.fragmentShader = shader.fragmentShader.replace("#include <clipping_planes_fragment>",
+      "if (length(gl_PointCoord - 0.5) > 0.5) discard;\n#include <clipping_planes_fragment>");
+  };
+  return material;
+}
+
 /** How joints are drawn. */
 export interface JointStyle {
   /** CSS colors. */
@@ -56,7 +65,7 @@ export class JointLines {
   readonly group = new Group();
   private readonly bones = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true, depthTest: false, transparent: true }));
   private readonly dots = new Points(new BufferGeometry(),
-    new PointsMaterial({ size: 8 * devicePixelRatio, sizeAttenuation: false, vertexColors: true, depthTest: false, transparent: true }));
+    round(new PointsMaterial({ size: 9 * devicePixelRatio, sizeAttenuation: false, vertexColors: true, depthTest: false, transparent: true })));
   private positions: Float32Array = new Float32Array();
   private parents: Int32Array = new Int32Array();
 

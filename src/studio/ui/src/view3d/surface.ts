@@ -1,7 +1,7 @@
 // A surface of triangles: positions from the server, or skinned by the graphics card; colors per vertex; wireframe.
 import {
-  BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Matrix4, Mesh, MeshBasicMaterial, MeshPhongMaterial, Skeleton, SkinnedMesh,
-  type Box3, Box3 as Box, type Material,
+  BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Matrix4, Mesh, MeshBasicMaterial, MeshPhongMaterial, Skeleton, SkinnedMesh, Sphere,
+  Vector3, type Box3, Box3 as Box, type Material,
 } from "three";
 import { colorValues, linearByte, type ScaleName } from "./colors";
 import { SurfacePicker } from "./picking";
@@ -110,6 +110,8 @@ export class Surface {
     }
     mesh.bindMode = "detached";
     mesh.bind(this.skeleton, new Matrix4());
+    // Never culled; computing it would ask for bones.
+    mesh.boundingSphere = new Sphere(new Vector3(), Infinity);
     return mesh as unknown as Mesh;
   }
 
