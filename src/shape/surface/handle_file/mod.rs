@@ -33,7 +33,7 @@ use nalgebra::Point3;
 #[cfg(feature = "schema")]
 pub use document::handle_file_schema;
 pub use error::HandleFileError;
-pub use track::{Interpolation, Track};
+pub use track::{Interpolation, KeyRotation, RigidKey, Track};
 
 use document::{Document, rejected};
 use plumbline_num::document::Kind;
