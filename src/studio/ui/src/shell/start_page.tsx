@@ -62,7 +62,7 @@ function RecentList() {
           <button type="button" class="recent-entry" title={path} onClick={() => void openPath(path)}>
             <Icon name={workspaceIcon(workspace)} />
             <span class="grow ellipsis">{path.split(/[/\\]/).pop()}</span>
-            <span class="detail muted ellipsis">{path.split(/[/\\]/).slice(0, -1).join("/")}</span>
+            <span class="detail muted ellipsis"><bdi>{path.split(/[/\\]/).slice(0, -1).join("/")}</bdi></span>
           </button>
         </li>
       ))}

@@ -59,7 +59,7 @@ function TabBar() {
   return (
     <nav class="document-tabs" aria-label="Documents">
       <button type="button" class="document-tab start-tab" aria-current={current === null ? "page" : undefined} aria-label="Start page" onClick={() => show(null)}>
-        <Icon name="folder" />
+        <Icon name="home" />
       </button>
       {documents.value.map((document) => <DocumentTab key={document.info.document} document={document} current={current === document.info.document} />)}
     </nav>

@@ -1,8 +1,8 @@
 // Buttons: with text, of a toolbar, and toolbars.
 import type { ComponentChildren } from "preact";
-import { useId, useRef } from "preact/hooks";
-import "@awesome.me/webawesome/dist/components/tooltip/tooltip.js";
+import { useRef } from "preact/hooks";
 import { Icon, type IconName } from "./icon";
+import "./tooltip";
 
 /** A button with text. `kind`: `primary` once in a dialog, `danger` for what deletes. */
 export function Button(props: {
@@ -40,30 +40,23 @@ export function ToolButton(props: {
   tip?: "top" | "bottom" | "left" | "right";
   onClick: () => void;
 }) {
-  const id = useId();
   const { label, icon, path, shortcut, pressed, disabled, labelled, tip = "bottom", onClick } = props;
   return (
-    <>
-      <button
-        id={id}
-        type="button"
-        class={`tool ${labelled ? "labelled" : ""}`}
-        aria-label={label}
-        aria-pressed={pressed}
-        aria-keyshortcuts={shortcut?.replace("Ctrl", "Control")}
-        disabled={disabled}
-        onClick={onClick}
-      >
-        {(icon || path) && <Icon name={icon} path={path} />}
-        {labelled && label}
-      </button>
-      {(!labelled || shortcut) && (
-        <wa-tooltip for={id} placement={tip} without-arrow aria-hidden="true">
-          {label}
-          {shortcut && <kbd>{shortcut}</kbd>}
-        </wa-tooltip>
-      )}
-    </>
+    <button
+      type="button"
+      class={`tool ${labelled ? "labelled" : ""}`}
+      aria-label={label}
+      aria-pressed={pressed}
+      aria-keyshortcuts={shortcut?.replace("Ctrl", "Control")}
+      data-tip={!labelled || shortcut ? label : undefined}
+      data-shortcut={shortcut}
+      data-side={tip}
+      disabled={disabled}
+      onClick={onClick}
+    >
+      {(icon || path) && <Icon name={icon} path={path} />}
+      {labelled && label}
+    </button>
   );
 }
 

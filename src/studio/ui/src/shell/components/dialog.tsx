@@ -21,12 +21,15 @@ export function Dialog(props: {
     const element = dialog.current;
     const before = document.activeElement as HTMLElement | null;
     element?.showModal();
-    element?.querySelector<HTMLElement>("[data-autofocus]")?.focus();
+    const first = ["[data-autofocus]", ".dialog-body :is(input, select, button)", ".dialog-actions button"]
+      .map((selector) => element?.querySelector<HTMLElement>(selector)).find((found) => found);
+    (first ?? element)?.focus();
     return () => { element?.close(); before?.focus?.(); };
   }, []);
   return (
     <dialog
       ref={dialog}
+      tabIndex={-1}
       class={`dialog ${wide ? "wide" : ""} ${props.class ?? ""}`}
       aria-labelledby={id}
       onCancel={(event) => { event.preventDefault(); if (!modal) onClose(); }}

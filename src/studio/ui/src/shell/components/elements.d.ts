@@ -1,12 +1,11 @@
 // The elements of Web Awesome that the studio uses, for TSX.
 import type { HTMLAttributes } from "preact";
 
-type Element<Own> = Omit<HTMLAttributes<HTMLElement>, "placement"> & { [K in keyof Own]?: Own[K] } & { slot?: string };
+type Element<Own> = HTMLAttributes<HTMLElement> & { [K in keyof Own]?: Own[K] } & { slot?: string };
 
 declare module "preact" {
   namespace JSX {
     interface IntrinsicElements {
-      "wa-tooltip": Element<{ for: string; placement: string; "without-arrow": boolean; "show-delay": number }>;
       "wa-split-panel": Element<{
         orientation: "horizontal" | "vertical";
         "position-in-pixels": number;

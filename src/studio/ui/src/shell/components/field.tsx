@@ -106,7 +106,7 @@ export function NumberInput(props: NumberProps & { id?: string }) {
         value={shown}
         placeholder={props.placeholder}
         disabled={disabled}
-        style={unit ? { paddingRight: `${unit.length * 7 + 10}px` } : undefined}
+        style={unit ? { paddingRight: `${unit.length * 9 + 12}px` } : undefined}
         onFocus={(event) => event.currentTarget.select()}
         onInput={(event) => setTyped(event.currentTarget.value)}
         onBlur={commit}

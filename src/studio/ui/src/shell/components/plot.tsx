@@ -65,13 +65,16 @@ function options(props: PlotProps, element: HTMLElement, current: { current: { m
     grid: { stroke: cssColor("--line"), width: 1 },
     ticks: { show: false },
   };
+  // Of a logarithmic axis only powers of ten.
+  const filter = (_: uPlot, splits: number[]) => splits.map((at) => (!props.logarithmic || Number.isInteger(Math.round(Math.log10(at) * 1e9) / 1e9) ? at : null));
+  const yAxis = { ...axis, size: 48, filter, grid: { ...axis.grid, filter }, values: (_: uPlot, splits: (number | null)[]) => splits.map((at) => (at === null ? "" : shortNumber(at))) };
   return {
     width: Math.max(40, element.clientWidth),
     height: props.height ?? 120,
     legend: { show: false },
     cursor: { y: false, points: { size: 5 }, drag: { x: false, y: false } },
     scales: { x: { time: false }, y: { distr: props.logarithmic ? 3 : 1 } },
-    axes: [{ ...axis, size: 24, label: props.xLabel, labelSize: props.xLabel ? 16 : 0, labelFont: "11px system-ui" }, { ...axis, size: 48 }],
+    axes: [{ ...axis, size: 24, label: props.xLabel, labelSize: props.xLabel ? 16 : 0, labelFont: "11px system-ui" }, yAxis],
     series: [{}, ...props.curves.map((curve, i) => ({
       label: curve.label, stroke: colorOf(curve, i), width: 1.5, points: { show: curve.values.length === 1 }, dash: curve.dashed ? [4, 3] : undefined,
     }))],
@@ -81,6 +84,9 @@ function options(props: PlotProps, element: HTMLElement, current: { current: { m
     },
   };
 }
+
+/** For an axis: 1000, 0.01, 1e-6. */
+const shortNumber = (at: number) => (at !== 0 && (Math.abs(at) < 1e-3 || Math.abs(at) >= 1e5) ? at.toExponential(0).replace("+", "") : String(Number(at.toPrecision(6))));
 
 function drawMarker(plot: uPlot, marker: number | null) {
   if (marker === null) return;
