@@ -1,6 +1,7 @@
 // What is drawn over a surface: marked vertices, joints and bones, lines, the circle of the brush.
 import {
-  BufferAttribute, BufferGeometry, Color, Group, LineBasicMaterial, LineLoop, LineSegments, Points, PointsMaterial, Quaternion, Vector3,
+  BufferAttribute, BufferGeometry, Color, Group, LineBasicMaterial, LineLoop, LineSegments, Mesh, MeshPhongMaterial, Points, PointsMaterial, Quaternion,
+  Vector3,
 } from "three";
 import type { OrbitCamera } from "./camera";
 import type { Pointer } from "./pointer";
@@ -60,9 +61,11 @@ export interface JointStyle {
   colors?: ReadonlyMap<number, string>;
 }
 
-/** A skeleton over everything else: bones as thin double pyramids, joints as dots. */
+/** A skeleton over everything else: bones as double pyramids with their edges, joints as dots. */
 export class JointLines {
   readonly group = new Group();
+  private readonly bodies = new Mesh(new BufferGeometry(),
+    new MeshPhongMaterial({ vertexColors: true, flatShading: true, depthTest: false, depthWrite: false, transparent: true, opacity: 0.72 }));
   private readonly bones = new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true, depthTest: false, transparent: true }));
   private readonly dots = new Points(new BufferGeometry(),
     round(new PointsMaterial({ size: 9 * devicePixelRatio, sizeAttenuation: false, vertexColors: true, depthTest: false, transparent: true })));
@@ -70,7 +73,7 @@ export class JointLines {
   private parents: Int32Array = new Int32Array();
 
   constructor(private readonly invalidate: () => void) {
-    for (const [object, order] of [[this.bones, 10], [this.dots, 11]] as const) {
+    for (const [object, order] of [[this.bodies, 9.5], [this.bones, 10], [this.dots, 11]] as const) {
       object.frustumCulled = false;
       object.renderOrder = order;
       this.group.add(object);
@@ -97,17 +100,18 @@ export class JointLines {
   }
 
   private setBones(style: JointStyle) {
-    const [lines, colors]: [number[], number[]] = [[], []];
+    const edges: Colored = { points: [], colors: [] };
+    const faces: Colored = { points: [], colors: [] };
     this.parents.forEach((parent, joint) => {
       if (parent < 0) return;
-      const shape = bone(this.joint(parent), this.joint(joint));
       const color = this.color(parent, style, style.bone);
-      for (const point of shape) {
-        lines.push(point.x, point.y, point.z);
-        colors.push(color.r, color.g, color.b);
-      }
+      const shape = bone(this.joint(parent), this.joint(joint));
+      append(edges, shape.edges, color.clone().multiplyScalar(0.55));
+      append(faces, shape.faces, color);
     });
-    replace(this.bones.geometry, new Float32Array(lines), new Float32Array(colors));
+    for (const [object, { points, colors }] of [[this.bones, edges], [this.bodies, faces]] as const) {
+      replace(object.geometry, new Float32Array(points), new Float32Array(colors));
+    }
   }
 
   joint(index: number): Vector3 {
@@ -151,14 +155,27 @@ export function onScreen(point: Vector3, view: { width: number; height: number; 
   return p.z > 1 ? null : { x: ((p.x + 1) / 2) * view.width, y: ((1 - p.y) / 2) * view.height };
 }
 
-/** Edges of a double pyramid from one joint to another, as pairs of points. */
-function bone(from: Vector3, to: Vector3): Vector3[] {
+interface Colored { points: number[]; colors: number[] }
+
+function append(to: Colored, points: readonly Vector3[], color: Color) {
+  for (const point of points) {
+    to.points.push(point.x, point.y, point.z);
+    to.colors.push(color.r, color.g, color.b);
+  }
+}
+
+/** A double pyramid from one joint to another: its edges as pairs of points, its faces as triples, counterclockwise from outside. */
+function bone(from: Vector3, to: Vector3): { edges: Vector3[]; faces: Vector3[] } {
   const length = from.distanceTo(to);
-  if (!(length > 0)) return [];
+  if (!(length > 0)) return { edges: [], faces: [] };
   const frame = new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), to.clone().sub(from).divideScalar(length));
   const corner = (x: number, z: number) => new Vector3(x, 1.5, z).multiplyScalar(0.08 * length).applyQuaternion(frame).add(from);
   const ring = [corner(1, 0), corner(0, 1), corner(-1, 0), corner(0, -1)];
-  return ring.flatMap((c, i) => [from, c, c, to, c, ring[(i + 1) % 4]!]);
+  const next = (i: number) => ring[(i + 1) % 4]!;
+  return {
+    edges: ring.flatMap((c, i) => [from, c, c, to, c, next(i)]),
+    faces: ring.flatMap((c, i) => [from, c, next(i), to, next(i), c]),
+  };
 }
 
 /** Lines over a surface: pairs of points. */
