@@ -17,10 +17,12 @@ export interface ServerState {
   documents: DocumentInfo[];
   recent: { path: string; workspace: string }[];
   examples: { path: string; workspace: string; title: string }[];
+  /** The file that was named at start. */
+  file: string | null;
 }
-export interface DocumentInfo { document: string; workspace: string; name: string }
+export interface DocumentInfo { document: string; workspace: string; name: string; path: string }
 export interface FolderEntry { name: string; path: string; folder: boolean; bytes?: number; workspace?: string | null }
-export interface FolderListing { path: string; parent: string | null; entries: FolderEntry[] }
+export interface FolderListing { path: string; parent: string | null; entries: FolderEntry[]; cut: boolean }
 
 let session: string | null = sessionStorage.getItem(KEY);
 
@@ -48,7 +50,7 @@ export async function startSession(): Promise<boolean> {
 
 async function request(path: string, init: RequestInit = {}): Promise<unknown> {
   const headers = new Headers(init.headers);
-  headers.set("authorization", `Bearer ${session ?? ""}`);
+  headers.set("x-plumbline-session", session ?? "");
   const answer = await fetch(path, { ...init, headers });
   if (!answer.ok) throw new Refused(answer.status, (await reason(answer)) || `the server answered ${answer.status}`);
   return answer.json();
@@ -71,10 +73,16 @@ export const serverState = () => request("/api/state") as Promise<ServerState>;
 
 /** The entries of a folder; without a path those that were named at start. */
 export const listFolder = (path?: string) =>
-  request(path === undefined ? "/api/files" : `/api/files?path=${encodeURIComponent(path)}`) as Promise<FolderListing>;
+  request(path === undefined ? "/api/files" : `/api/files?folder=${encodeURIComponent(path)}`) as Promise<FolderListing>;
 
 /** Opens a file as a document, or finds the one that is open. */
 export const openFile = (path: string) => post("/api/open", { path }) as Promise<DocumentInfo>;
+
+/** The address of the page with a token for one more window, of this browser or another. */
+export async function newLink(): Promise<string> {
+  const { token } = (await post("/api/link", {})) as { token: string };
+  return `${location.origin}/#token=${token}`;
+}
 
 /** Stores a dropped file in the session's folder and gives its path. */
 export const upload = (file: File) =>

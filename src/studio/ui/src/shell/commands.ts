@@ -1,7 +1,9 @@
 // All commands: the shell's own and those of the shown workspace. Menus, palette, shortcuts and the list of shortcuts read them here.
 import { computed, signal } from "@preact/signals";
 import type { Command } from "../workspace";
+import { newLink } from "./api";
 import { active, close, documents, show } from "./documents";
+import { notify } from "./notices";
 import { matches, taken } from "./shortcuts";
 import { themeChoice } from "./theme";
 
@@ -23,6 +25,7 @@ const shell: Command[] = [
     id: "close", title: "Close document", group: "File", shortcut: "Alt+W", enabled: hasDocument,
     run: () => active.value && close(active.value.info.document),
   },
+  { id: "link", title: "Copy a link for another window", group: "File", run: () => void copyLink() },
   { id: "undo", title: "Undo", group: "Edit", shortcut: "Ctrl+Z", enabled: canUndo, run: () => active.value?.connection.undo() },
   { id: "redo", title: "Redo", group: "Edit", shortcut: "Ctrl+Shift+Z", enabled: canRedo, run: () => active.value?.connection.redo() },
   { id: "history", title: "History", group: "Edit", shortcut: "Alt+H", enabled: hasDocument, run: () => (historyShown.value = !historyShown.value) },
@@ -72,6 +75,14 @@ export function runShortcut(event: KeyboardEvent) {
   if (enabled(command)) command.run();
 }
 
+async function copyLink() {
+  try {
+    await navigator.clipboard.writeText(await newLink());
+    notify("info", "A link that works once is in the clipboard.");
+  } catch (error) {
+    notify("error", `The link could not be copied: ${(error as Error).message}`);
+  }
+}
 function canUndo() {
   return (active.value?.connection.history.value.at ?? 0) > 0;
 }

@@ -36,12 +36,13 @@ function Opening({ name }: { name: string }) {
 function LostBanner({ connection }: { connection: SocketConnection }) {
   // At first opening there is nothing to say yet.
   if (connection.state.value === null) return null;
+  const text = connection.unknown.value
+    ? "plumbline was started again. Open the link that it printed in this window; every step was kept."
+    : "The connection to plumbline is lost. Every step was kept, and this window goes on when plumbline answers again. If it was ended, start it again.";
   return (
     <div class="banner" role="alert">
       <Icon name="warning" />
-      <span class="grow">
-        The connection to plumbline is lost. Every step was kept; this window goes on when plumbline answers again. If it was ended, start it again.
-      </span>
+      <span class="grow">{text}</span>
       <Button onClick={() => connection.reconnect()}>Try now</Button>
     </div>
   );

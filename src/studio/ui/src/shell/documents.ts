@@ -86,23 +86,36 @@ export async function refresh(): Promise<void> {
   });
 }
 
-/** The tabs of this window before its reload, else what the program was started with. */
+/** The tabs of this window before its reload; else what is open in the program, and the file that it was started with. */
 export async function restore(): Promise<void> {
   await refresh();
-  const known = server.value?.documents ?? [];
   const kept = readTabs();
-  const wanted = kept ? kept.open : known.map(({ document }) => document);
-  for (const info of known.filter(({ document }) => wanted.includes(document))) add(info);
-  if (kept) show(documents.value.some(({ info }) => info.document === kept.active) ? kept.active : null);
+  const wanted = kept?.open ?? startTabs(server.value);
+  for (const path of wanted) await openPath(path);
+  if (kept) show(documents.value.find(({ info }) => info.path === kept.active)?.info.document ?? null);
   effect(() => {
-    const open = documents.value.map(({ info }) => info.document);
-    sessionStorage.setItem(KEY, JSON.stringify({ open, active: activeId.value }));
+    const open = documents.value.map(({ info }) => info.path);
+    sessionStorage.setItem(KEY, JSON.stringify({ open, active: active.value?.info.path ?? null }));
   });
 }
 
-function readTabs(): { open: string[]; active: string | null } | null {
+function startTabs(state: ServerState | null): string[] {
+  const open = (state?.documents ?? []).map(({ path }) => path);
+  return [...open.filter((path) => path !== state?.file), ...(state?.file ? [state.file] : [])];
+}
+
+/** After a new link was opened in this window: the documents connect again. */
+export async function resume(): Promise<void> {
+  locked.value = false;
+  await refresh();
+  for (const { connection } of documents.value) connection.reconnect();
+}
+
+interface Tabs { open: string[]; active: string | null }
+
+function readTabs(): Tabs | null {
   try {
-    return JSON.parse(sessionStorage.getItem(KEY) ?? "null") as { open: string[]; active: string | null } | null;
+    return JSON.parse(sessionStorage.getItem(KEY) ?? "null") as Tabs | null;
   } catch {
     return null;
   }
@@ -126,7 +139,7 @@ function open(info: DocumentInfo): OpenDocument {
   if (!workspace) failure.value = `This page has no workspace "${info.workspace}".`;
   else if (workspace.webgl && !hasWebGL2()) failure.value = NO_WEBGL;
   else workspace.load().then((module) => (page.value = module.page), () => (failure.value = "This part of the page could not be loaded. Reload the page."));
-  return { info, connection: new SocketConnection(info.document, info.workspace), page, failure };
+  return { info, connection: new SocketConnection(info), page, failure };
 }
 
 const NO_WEBGL =

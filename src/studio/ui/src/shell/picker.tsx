@@ -3,7 +3,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { listFolder, type FolderEntry, type FolderListing } from "./api";
 import { overlay } from "./commands";
-import { Button, Dialog, Icon, ToolButton, Toggle, remembered } from "./components";
+import { Button, Dialog, Icon, ToolButton, remembered } from "./components";
 import { openPath } from "./documents";
 import { workspaceIcon } from "./top_bar";
 
@@ -15,7 +15,6 @@ export function Picker() {
   const [problem, setProblem] = useState<string | null>(null);
   const [filter, setFilter] = useState("");
   const [at, setAt] = useState(0);
-  const everything = remembered("picker shows all", false);
   const enter = (path?: string) => {
     setProblem(null);
     return listFolder(path).then((next) => {
@@ -29,8 +28,7 @@ export function Picker() {
     });
   };
   useEffect(() => void enter(lastFolder.peek() || undefined), []);
-  const shown = (listing?.entries ?? []).filter((entry) =>
-    entry.name.toLowerCase().includes(filter.toLowerCase()) && (entry.folder || entry.workspace || everything.value));
+  const shown = (listing?.entries ?? []).filter((entry) => entry.name.toLowerCase().includes(filter.toLowerCase()));
   const choose = (entry: FolderEntry | undefined) => {
     if (entry?.folder) return void enter(entry.path);
     if (entry) void openPath(entry.path).then((opened) => opened && close());
@@ -48,14 +46,14 @@ export function Picker() {
     <Dialog title="Open a file" onClose={close} wide class="picker"
       actions={<><Button onClick={close}>Cancel</Button><Button kind="primary" disabled={!shown[at]} onClick={() => choose(shown[at])}>{shown[at]?.folder ? "Open folder" : "Open"}</Button></>}>
       <div class="row">
-        <ToolButton icon="up" label="Parent folder" disabled={!listing?.parent} onClick={up} />
-        <span class="grow ellipsis mono" title={listing?.path}>{listing?.path ?? "…"}</span>
-        <Toggle label="All files" checked={everything.value} onChange={(on) => (everything.value = on)} />
+        <ToolButton icon="up" label="Parent folder" disabled={listing?.parent === null || !listing} onClick={up} />
+        <span class="grow ellipsis mono" title={listing?.path}>{listing ? listing.path || "Folders of this studio" : "…"}</span>
       </div>
       <input data-autofocus type="text" role="combobox" aria-expanded="true" aria-controls="picker-list" aria-label="Find in this folder" aria-autocomplete="list"
         aria-activedescendant={shown[at] ? `picker-${at}` : undefined} placeholder="Type to find; arrow keys choose, Enter opens, Backspace goes up"
         autocomplete="off" spellcheck={false} value={filter} onInput={(event) => { setFilter(event.currentTarget.value); setAt(0); }} onKeyDown={onKeyDown} />
       {problem && <p class="error-text" role="alert">{problem}</p>}
+      {listing?.cut && <p class="muted">This folder has more files than are listed.</p>}
       <Entries shown={shown} at={at} setAt={setAt} choose={choose} empty={listing ? "Nothing here that the studio opens" : "Reading the folder"} />
     </Dialog>
   );

@@ -2,7 +2,7 @@
 import { useEffect } from "preact/hooks";
 import { startSession } from "./api";
 import { overlay, runShortcut } from "./commands";
-import { active, documents, locked, refresh, restore } from "./documents";
+import { active, documents, locked, refresh, restore, resume } from "./documents";
 import { DocumentPage } from "./document_page";
 import { DropTarget, watchDrops } from "./drop";
 import { About, Shortcuts } from "./help";
@@ -14,13 +14,17 @@ import { TopBar } from "./top_bar";
 
 const OVERLAYS = { palette: Palette, shortcuts: Shortcuts, picker: Picker, about: About };
 
+const onHash = () => void again();
+
 export function Shell() {
   useEffect(() => {
     void begin();
     window.addEventListener("keydown", runShortcut);
+    window.addEventListener("hashchange", onHash);
     const stopDrops = watchDrops();
     return () => {
       window.removeEventListener("keydown", runShortcut);
+      window.removeEventListener("hashchange", onHash);
       stopDrops();
     };
   }, []);
@@ -43,6 +47,13 @@ export function Shell() {
 async function begin() {
   if (await startSession().catch(() => false)) await restore();
   else locked.value = true;
+}
+
+/** A new link was pasted into this window. */
+async function again() {
+  if (!(await startSession().catch(() => false))) return;
+  locked.value = false;
+  await (documents.value.length > 0 ? resume() : restore());
 }
 
 function useTitle() {

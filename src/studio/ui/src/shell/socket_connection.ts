@@ -2,7 +2,7 @@
 // the server kept it in its autosave, or never saw it, and its new state shows which.
 import { signal } from "@preact/signals";
 import type { Connection, History } from "../connection";
-import { download, openSocket } from "./api";
+import { download, openFile, openSocket, Refused, type DocumentInfo } from "./api";
 import { Buffers, parseBuffer } from "./buffers";
 import { notify, type Level } from "./notices";
 
@@ -32,7 +32,9 @@ export class SocketConnection implements Connection<unknown> {
   readonly name = signal("");
   /** Files that another program changed, until the user chose. */
   readonly changedOnDisk = signal<string[]>([]);
-  /** Whether the server refuses this window: it was started again, or speaks another version. */
+  /** Whether the program was started again and does not know this window: it needs the new link. */
+  readonly unknown = signal(false);
+  /** Why this document cannot be shown any more. */
   readonly outdated = signal<string | null>(null);
 
   private socket: WebSocket | null = null;
@@ -47,7 +49,12 @@ export class SocketConnection implements Connection<unknown> {
   private dragging = false;
   private nextDrag: { edit: unknown } | null = null;
 
-  constructor(readonly document: string, readonly workspace: string) {
+  readonly document: string;
+  readonly workspace: string;
+
+  constructor(private readonly info: DocumentInfo) {
+    this.document = info.document;
+    this.workspace = info.workspace;
     this.open();
   }
 
@@ -101,8 +108,9 @@ export class SocketConnection implements Connection<unknown> {
   reconnect() {
     if (this.connected.value || this.closed) return;
     clearTimeout(this.timer);
-    this.socket?.close();
-    this.open();
+    this.socket = null;
+    this.unknown.value = false;
+    void this.openAgain();
   }
 
   private sendDrag(edit: unknown) {
@@ -160,8 +168,22 @@ export class SocketConnection implements Connection<unknown> {
     this.waiting.clear();
     for (const { reject } of unanswered) reject(new Error("the connection was lost before plumbline answered"));
     if (this.closed) return;
-    this.timer = window.setTimeout(() => this.open(), this.retry);
+    this.timer = window.setTimeout(() => void this.openAgain(), this.retry);
     this.retry = Math.min(MAX_RETRY_MS, this.retry * 1.6);
+  }
+
+  /** The program may have been started again: then it opens the file anew, or does not know this window. */
+  private async openAgain() {
+    try {
+      await openFile(this.info.path);
+    } catch (error) {
+      if (this.closed) return;
+      if (!(error instanceof Refused)) this.lost();
+      else if (error.status === 401) this.unknown.value = true;
+      else this.outdated.value = error.message;
+      return;
+    }
+    if (!this.closed) this.open();
   }
 
   private receiveBuffer(data: ArrayBuffer) {
