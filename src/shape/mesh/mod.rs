@@ -11,6 +11,7 @@ pub(crate) mod region;
 pub mod repair;
 pub mod shapes;
 mod tri_mesh;
+mod vertex_graph;
 mod vertex_ref;
 
 pub use error::{MeshError, Position};
@@ -20,4 +21,5 @@ pub use io::{MeshFormat, ReadLimits, read_model, write_model};
 pub use model::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, ModelBuilder, NO_VALUE};
 pub use repair::{MeshFacts, RepairOptions, RepairReport, Repaired, Weld, repair};
 pub use tri_mesh::{TriMesh, neighbors_of_vertices};
+pub use vertex_graph::VertexGraph;
 pub use vertex_ref::VertexRef;

@@ -34,6 +34,7 @@ mod test_meshes;
 mod tests;
 
 pub use crate::mesh::operators::CotangentRule;
+pub use arap::CellEnergies;
 pub use components::{Component, Unconstrained};
 pub use deformer::{DeformOptions, Deformation, Deformer, InitialGuess, Method, Solver, deform};
 pub use detail_preserving::{DetailPreserving, LaplacianKind};

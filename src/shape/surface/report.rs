@@ -106,6 +106,33 @@ impl DistortionMetrics {
         &self.rest
     }
 
+    /// Root mean square of the relative changes of the edge lengths at each vertex, dimensionless; 0 for a vertex without edges.
+    ///
+    /// # Panics
+    /// If there are fewer positions than vertices.
+    pub fn stretch_of_vertices(&self, positions: &[Point3<f64>]) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0_u32); self.rest.vertex_count()];
+        for &([i, j], rest) in &self.edges {
+            let stretch = (positions[i as usize] - positions[j as usize]).norm() / rest - 1.0;
+            for v in [i, j] {
+                let (sum, count) = &mut sums[v as usize];
+                *sum += stretch * stretch;
+                *count += 1;
+            }
+        }
+        sums.into_iter().map(|(sum, count)| (sum / f64::from(count.max(1))).sqrt()).collect()
+    }
+
+    /// The faces that are inverted against their neighborhood and were not at rest, ascending.
+    ///
+    /// # Panics
+    /// If there is another number of positions than of vertices.
+    pub fn flipped(&self, positions: &[Point3<f64>]) -> Vec<u32> {
+        let Ok(mesh) = self.rest.with_positions(positions.to_vec()) else { return Vec::new() };
+        let now = inverted_triangles(&mesh).into_iter().zip(&self.inverted).enumerate();
+        now.filter(|(_, (now, before))| *now && !**before).map(|(t, _)| t as u32).collect()
+    }
+
     /// The distortion of these positions, finite and one per vertex.
     pub fn measure(&self, positions: &[Point3<f64>]) -> Distortion {
         let Ok(mesh) = self.rest.with_positions(positions.to_vec()) else {

@@ -15,6 +15,7 @@
 //! *A simple geometric model for elastic deformations*, SIGGRAPH 2010; L. Liu, L. Zhang, Y. Xu, C. Gotsman, S. Gortler,
 //! *A local/global approach to mesh parameterization*, SGP 2008 (elements).
 
+mod cell_energies;
 mod cells;
 mod descent;
 mod elastic;
@@ -25,6 +26,7 @@ mod smoothness;
 #[cfg(test)]
 mod tests;
 
+pub use cell_energies::CellEnergies;
 pub(super) use cells::CellKind;
 pub(super) use cells::Cells;
 use cells::Inertia;

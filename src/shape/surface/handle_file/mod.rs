@@ -90,9 +90,6 @@ impl HandleFile {
     /// [`HandleFileError::Document`]; [`HandleFileError::Value`] names the handle and field.
     pub fn parse(text: &str) -> Result<Self, HandleFileError> {
         let document: Document = KIND.parse(text)?;
-        if document.handles.is_empty() {
-            return Err(rejected("the file", "handles", "an empty list", "at least one handle"));
-        }
         let sets = document.sets.len();
         if sets > MAX_SETS {
             return Err(rejected("the file", "sets", format!("a table of {sets}"), &format!("at most {MAX_SETS}")));
@@ -118,6 +115,9 @@ impl HandleFile {
     /// [`HandleFileError`]: vertices that do not exist, unknown or circular sets, handles without vertices, a vertex in two handles,
     /// a number of positions other than that of the vertices.
     pub fn of_mesh(&self, positions: &[Point3<f64>]) -> Result<MeshHandles, HandleFileError> {
+        if self.handles.is_empty() {
+            return Err(rejected("the file", "handles", "an empty list", "at least one handle"));
+        }
         let selector = Selector::new(positions, &self.sets);
         let mut handles = Vec::with_capacity(self.handles.len());
         let mut owner: Vec<Option<u32>> = vec![None; positions.len()];
@@ -146,6 +146,25 @@ impl HandleFile {
             }
         };
         Ok(MeshHandles { handles, outside })
+    }
+
+    /// Whether the file has no handle: one that is being made, with its sets alone.
+    pub fn is_empty(&self) -> bool {
+        self.handles.is_empty()
+    }
+
+    /// The named sets on a mesh with these vertex positions: their vertices, ascending.
+    ///
+    /// # Errors
+    /// [`HandleFileError`]: vertices that do not exist, unknown or circular sets.
+    pub fn sets_of_mesh(&self, positions: &[Point3<f64>]) -> Result<BTreeMap<String, Vec<u32>>, HandleFileError> {
+        let selector = Selector::new(positions, &self.sets);
+        let vertices = |(name, selection): (&String, &Selection)| {
+            let mask = selector.mask(selection, &format!("set {name:?}"))?;
+            let inside = (0..mask.len()).filter(|v| mask[*v]).map(|v| v as u32).collect();
+            Ok((name.clone(), inside))
+        };
+        self.sets.iter().map(vertices).collect()
     }
 
     /// Makes handle `i` the owner of its vertices.

@@ -150,6 +150,26 @@ fn handles_that_were_written_are_read_again() {
 }
 
 #[test]
+fn named_sets_are_read_and_written_beside_the_handles() {
+    let body = "\"sets\": {\"low\": {\"half_space\": {\"point\": [0, 0, 0.5], \"normal\": [0, 0, -1]}}, \"rest\": {\"not\": \"low\"}}, \
+                \"handles\": [{\"vertices\": {\"indices\": [0]}}]";
+    let sets = file(body).and_then(|f| f.sets_of_mesh(&cube())).expect("valid");
+    assert_eq!(sets.keys().map(String::as_str).collect::<Vec<_>>(), ["low", "rest"]);
+    assert_eq!(sets["low"].len() + sets["rest"].len(), 8);
+    let text = handles(body).expect("valid").to_json_with_sets(&sets);
+    let again = HandleFile::parse(&text).expect("what was written is valid");
+    assert_eq!(again.sets_of_mesh(&cube()).expect("valid"), sets);
+}
+
+#[test]
+fn a_file_without_handles_has_its_sets_and_is_refused_as_handles() {
+    let draft = file("\"sets\": {\"a\": {\"indices\": [3]}}, \"handles\": []").expect("a file that is being made");
+    assert!(draft.is_empty());
+    assert_eq!(draft.sets_of_mesh(&cube()).expect("valid")["a"], [3]);
+    assert!(draft.of_mesh(&cube()).is_err());
+}
+
+#[test]
 fn errors_name_the_handle_the_value_and_the_remedy() {
     let one = |handle: &str| format!("\"handles\": [{{\"name\": \"tip\", {handle}}}]");
     let vertex = "\"vertices\": {\"indices\": [1]}";

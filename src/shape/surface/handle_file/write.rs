@@ -1,5 +1,7 @@
 //! Handles as the text of a file.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point3, Unit};
 use serde_json::{Map, Value, json};
 
@@ -21,9 +23,18 @@ impl MeshHandles {
     /// # Ok::<(), plumbline_shape::surface::handle_file::HandleFileError>(())
     /// ```
     pub fn to_json(&self) -> String {
+        self.to_json_with_sets(&BTreeMap::new())
+    }
+
+    /// The same with named sets of vertices beside the handles: [`HandleFile::sets_of_mesh`](super::HandleFile::sets_of_mesh) reads them.
+    pub fn to_json_with_sets(&self, sets: &BTreeMap<String, Vec<u32>>) -> String {
         let mut document = Map::new();
         document.insert("format".into(), KIND.format.into());
         document.insert("version".into(), 1.into());
+        if !sets.is_empty() {
+            let indices = |(name, vertices): (&String, &Vec<u32>)| (name.clone(), json!({ "indices": vertices }));
+            document.insert("sets".into(), Value::Object(sets.iter().map(indices).collect()));
+        }
         document.insert("handles".into(), self.handles.iter().map(entry).collect());
         if !self.outside.is_empty() {
             document.insert("region".into(), json!({ "not": { "indices": self.outside } }));
