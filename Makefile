@@ -2,19 +2,51 @@
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long deny memcheck soak bench media gallery deps deps-build lint unit oracle
+.PHONY: help demo studio studio-page studio-test test test-long deny memcheck soak bench media gallery deps deps-build lint unit oracle page-if-possible
 
 CLIP ?= media/street-walk.mp4
 
 help: ## this list
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F'\t' '{ printf "  make %-9s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F'\t' '{ printf "  make %-12s %s\n", $$1, $$2 }'
 
-demo: deps-build ## installs what is missing, builds, stabilizes a clip of media/ and says where the result lies
+demo: deps-build page-if-possible ## installs what is missing, builds, stabilizes a clip of media/ and says where the result lies
 	cargo build --release --locked
 	@mkdir -p out
 	target/release/plumbline stabilize $(CLIP) -o out/steady.mp4 --compare --overwrite
 
-test: deps lint unit oracle ## formatting, lints, all tests, documentation, oracles: what CI runs
+# The page of the studio, embedded in the program. Cargo builds without it, and the program then names `make studio`.
+UI := src/studio/ui
+STUDIO ?= media/giraffe.ply
+
+studio: deps-build ## installs what is missing, builds page and program, opens the studio on an example of media/
+	@.ci/deps studio
+	@$(MAKE) --no-print-directory studio-page
+	cargo build --release --locked
+	@mkdir -p out
+	@test -e out/$(notdir $(STUDIO)) || cp $(STUDIO) out/
+	target/release/plumbline studio out/$(notdir $(STUDIO)) --allow-path media
+
+studio-page: $(UI)/dist/index.html ## builds the page of the studio where its sources changed (npm)
+
+studio-test: deps studio-page ## tests of the studio in a real browser: any installed Chromium
+	npm run --prefix $(UI) --silent check
+	cargo build --locked
+	npm run --prefix $(UI) --silent test
+
+page-if-possible:
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory studio-page || \
+		echo "the page of the studio could not be built; the program is built without it"; fi
+
+# A program that was compiled without a page does not look for one by itself.
+$(UI)/dist/index.html: $(UI)/node_modules/.package-lock.json $(UI)/build.mjs $(UI)/index.html $(UI)/icon.svg $(shell find $(UI)/src -type f)
+	@test -e $@ || touch src/studio/server/assets.rs
+	npm run --prefix $(UI) --silent build
+
+$(UI)/node_modules/.package-lock.json: $(UI)/package-lock.json
+	npm ci --prefix $(UI) --no-audit --no-fund
+	@touch $@
+
+test: deps page-if-possible lint unit studio-test oracle ## formatting, lints, all tests, documentation, oracles: what CI runs
 	@echo "make test: all passed"
 
 # Members without FFmpeg and clap; each is built alone, so that none leans on a feature that another turns on.

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { execFile, spawn } from "node:child_process";
 import { copyFileSync, existsSync, mkdirSync } from "node:fs";
-import { basename, join } from "node:path";
+import { basename, join, resolve } from "node:path";
 
 const START_TIMEOUT = 20_000;
 
@@ -16,7 +16,7 @@ export class Server {
     this.root = root;
     this.folder = join(scratch, "project");
     this.home = join(scratch, "home");
-    this.program = process.env.PLUMBLINE_BIN ?? join(root, "target/debug/plumbline");
+    this.program = process.env.PLUMBLINE_BIN ?? resolve(root, process.env.CARGO_TARGET_DIR ?? "target", "debug/plumbline");
   }
 
   /** Copies files of media/ (or files by absolute path) into the folder. */
