@@ -4,5 +4,9 @@
 static ALLOCATOR: plumbline::app::cli::NotingAllocator = plumbline::app::cli::NotingAllocator;
 
 fn main() -> std::process::ExitCode {
-    plumbline::app::cli::main(&plumbline::app::stages::BuiltinStages)
+    let extensions = [
+        #[cfg(feature = "studio")]
+        plumbline_studio::command::STUDIO,
+    ];
+    plumbline::app::cli::main(&plumbline::app::stages::BuiltinStages, &extensions)
 }

@@ -30,6 +30,9 @@ pub enum StudioError {
     /// The library's method failed on what it was given.
     #[error("{0}")]
     Method(String),
+    /// Something that the machine does not have: a port, a folder, a thread.
+    #[error("{0}")]
+    Environment(String),
     /// A newer letter waits, or the program ends: no fault.
     #[error(transparent)]
     Stopped(#[from] Stopped),

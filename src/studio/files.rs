@@ -5,20 +5,36 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::error::StudioError;
-use plumbline_num::files::{IfExists, open_regular, write_whole};
+use crate::recovery::Texts;
+use crate::watched::Watched;
+use plumbline_num::files::{FileAccess, IfExists, folder_of, open_regular, write_whole};
 
 /// The files of a document. Texts that were written wait here until they are [published](Self::publish).
+///
+/// Files outside its folder and the folders that are allowed are refused, also through links. Clones share what is known of the files
+/// on the disk.
 #[derive(Clone, Debug, Default)]
 pub struct DocumentFiles {
     opened: PathBuf,
+    allowed: Arc<[PathBuf]>,
     /// Written and not yet on the disk, or recovered: by absolute path.
-    pending: BTreeMap<PathBuf, Arc<[u8]>>,
+    pending: Texts,
+    watched: Watched,
 }
 
 impl DocumentFiles {
     /// The files of the document that a path names; `recovered` are the texts that a session that ended early had not saved.
     pub fn new(opened: impl Into<PathBuf>, recovered: BTreeMap<PathBuf, Arc<[u8]>>) -> Self {
-        Self { opened: opened.into(), pending: recovered }
+        let opened = opened.into();
+        let watched = Watched::default();
+        watched.see(&opened);
+        Self { opened, allowed: Arc::default(), pending: recovered, watched }
+    }
+
+    /// The same with further folders whose files may be read and written.
+    #[must_use]
+    pub fn with_allowed(self, allowed: Arc<[PathBuf]>) -> Self {
+        Self { allowed, ..self }
     }
 
     /// What the user opened: a pipeline file, a mesh, a photo. An absolute path.
@@ -28,7 +44,7 @@ impl DocumentFiles {
 
     /// Its folder: relative paths inside the document start there.
     pub fn folder(&self) -> &Path {
-        plumbline_num::files::folder_of(&self.opened)
+        folder_of(&self.opened)
     }
 
     /// `NAME` + `ending` beside the opened file `NAME.obj`, `NAME.deform.toml`.
@@ -41,24 +57,35 @@ impl DocumentFiles {
     /// The content of a file of at most `max_bytes`: what waits here, else what is on the disk; `None` where there is no such file.
     ///
     /// # Errors
-    /// A file that cannot be read or is larger.
+    /// A file that is outside the folders, cannot be read or is larger.
     pub fn read(&self, path: &Path, max_bytes: u64) -> Result<Option<Arc<[u8]>>, StudioError> {
         if let Some(bytes) = self.pending.get(path) {
             return Ok(Some(bytes.clone()));
         }
         let fail = |why: String| StudioError::Input { path: path.to_owned(), why };
-        let file = match open_regular(path) {
-            Ok(file) => file,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(fail(e.to_string())),
-        };
+        self.watched.see(path);
+        if std::fs::symlink_metadata(path).is_err_and(|e| e.kind() == std::io::ErrorKind::NotFound) {
+            return Ok(None);
+        }
+        let file = open_regular(&self.confined(path)?).map_err(|e| fail(e.to_string()))?;
         let mut bytes = Vec::new();
-        std::io::Read::read_to_end(&mut std::io::Read::take(file, max_bytes + 1), &mut bytes)
+        std::io::Read::read_to_end(&mut std::io::Read::take(file, max_bytes.saturating_add(1)), &mut bytes)
             .map_err(|e| fail(e.to_string()))?;
         if bytes.len() as u64 > max_bytes {
             return Err(fail(format!("the file is larger than {max_bytes} bytes")));
         }
         Ok(Some(bytes.into()))
+    }
+
+    /// The file that is meant by a path of the document, relative to its folder or absolute, without links: for readers of the
+    /// library that open files themselves. The user is told where another program changes it.
+    ///
+    /// # Errors
+    /// A file outside the folders, or none.
+    pub fn confined(&self, path: &Path) -> Result<PathBuf, StudioError> {
+        let fail = |why: String| StudioError::Input { path: path.to_owned(), why };
+        self.watched.see(&self.folder().join(path));
+        FileAccess::of_folder(self.folder(), &self.allowed).resolve(path).map_err(|e| fail(e.to_string()))
     }
 
     /// Another content of a file, not yet on the disk.
@@ -74,13 +101,35 @@ impl DocumentFiles {
     /// Puts what waits onto the disk, each file whole.
     ///
     /// # Errors
-    /// The first file that cannot be written; those that could are there, and nothing that waits is lost.
+    /// The first file that cannot be written or is outside the folders; those before it are there, and nothing that waits is lost.
     pub fn publish(&mut self) -> Result<(), StudioError> {
         for (path, bytes) in &self.pending {
-            write_whole(path, bytes, IfExists::Replace)
-                .map_err(|e| StudioError::Output { path: path.clone(), why: e.to_string() })?;
+            let fail = |why: String| StudioError::Output { path: path.clone(), why };
+            let folder = FileAccess::of_folder(self.folder(), &self.allowed)
+                .resolve(folder_of(path))
+                .map_err(|e| fail(e.to_string()))?;
+            let target = folder.join(path.file_name().unwrap_or_default());
+            if target.is_symlink() {
+                self.confined(path)?;
+            }
+            write_whole(&target, bytes, IfExists::Replace).map_err(|e| fail(e.to_string()))?;
+            self.watched.see(path);
         }
         self.pending.clear();
         Ok(())
     }
+
+    /// Files of the document that differ on the disk from what was read or written last.
+    pub fn changed_on_disk(&self) -> Vec<PathBuf> {
+        self.watched.changed()
+    }
+
+    /// Takes the files on the disk as known.
+    pub fn accept_disk(&self) {
+        self.watched.accept();
+    }
 }
+
+#[cfg(test)]
+#[path = "files_tests.rs"]
+mod tests;

@@ -4,6 +4,7 @@ use clap::Args;
 use clap_complete::{Shell, generate};
 
 use super::print;
+use super::session::Session;
 use crate::pipeline::Exit;
 
 #[derive(Debug, Args)]
@@ -14,9 +15,9 @@ pub(super) struct CompletionsArgs {
 }
 
 impl CompletionsArgs {
-    pub(super) fn run(self) -> Exit {
+    pub(super) fn run(self, session: &Session<'_>) -> Exit {
         let mut script = Vec::new();
-        generate(self.shell, &mut super::command(), "plumbline", &mut script);
+        generate(self.shell, &mut super::command_with(session.extensions), "plumbline", &mut script);
         print(&String::from_utf8_lossy(&script));
         Exit::Done
     }

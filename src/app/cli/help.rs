@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 
 use clap::Command;
 
+use super::extension::Extension;
+
 /// The commands by what they are for, in the order of the help.
 const GROUPS: [(&str, &[&str]); 6] = [
     ("Clips", &["stabilize", "motion", "probe"]),
@@ -29,25 +31,33 @@ const EXIT_CODES: &str = "  0    done
 const EXAMPLES: &str = include_str!("examples.txt");
 
 /// The program's definition with groups, exit codes and examples.
-pub(super) fn complete(command: Command) -> Command {
-    let groups = grouped(&command);
+pub(super) fn complete(command: Command, extensions: &[Extension]) -> Command {
+    let groups = grouped(&command, extensions);
     let template = format!(
         "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{}:\n{{options}}{{after-help}}",
         heading(&command, "Options")
     );
-    with_footers(command.help_template(template), "")
+    with_footers(command.help_template(template), "", extensions)
 }
 
 /// The list of commands, by group.
-fn grouped(command: &Command) -> String {
+fn grouped(command: &Command, extensions: &[Extension]) -> String {
     let width = command.get_subcommands().map(|c| c.get_name().len()).max().unwrap_or_default();
+    let mut groups: Vec<(&str, Vec<String>)> =
+        GROUPS.iter().map(|(group, names)| (*group, names.iter().map(ToString::to_string).collect())).collect();
+    for extension in extensions {
+        let name = (extension.command)().get_name().to_owned();
+        match groups.iter_mut().find(|(group, _)| *group == extension.group) {
+            Some((_, names)) => names.push(name),
+            None => groups.push((extension.group, vec![name])),
+        }
+    }
     let mut text = String::new();
-    for (group, names) in GROUPS {
+    for (group, names) in groups {
         // Writing to a string does not fail, here and below.
         let _ = writeln!(text, "{}:", heading(command, group));
         for sub in names.iter().filter_map(|name| command.find_subcommand(name)) {
             let about = sub.get_about().map(ToString::to_string).unwrap_or_default();
-            // Writing to a string does not fail.
             let _ = writeln!(text, "  {}  {about}", literal(command, sub.get_name(), width));
         }
         text += "\n";
@@ -57,14 +67,15 @@ fn grouped(command: &Command) -> String {
 }
 
 /// Exit codes and examples at the end of the long help of a command and of those below it.
-fn with_footers(command: Command, path: &str) -> Command {
+fn with_footers(command: Command, path: &str, extensions: &[Extension]) -> Command {
     let mut text = format!("{}:\n{EXIT_CODES}", heading(&command, "Exit codes"));
-    if let Some(examples) = examples_of(path) {
+    let other = extensions.iter().find(|extension| (extension.command)().get_name() == path);
+    if let Some(examples) = other.map(|extension| extension.examples).or_else(|| examples_of(path)) {
         let _ = write!(text, "\n{}:\n{examples}", heading(&command, "Examples"));
     }
     let below = |sub: Command| {
         let path = format!("{path} {}", sub.get_name());
-        with_footers(sub, path.trim())
+        with_footers(sub, path.trim(), extensions)
     };
     command.after_long_help(text.trim_end().to_owned()).mut_subcommands(below)
 }

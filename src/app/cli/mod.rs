@@ -10,6 +10,7 @@ mod compose;
 mod defaults;
 mod deform;
 mod doctor;
+mod extension;
 mod failure;
 mod graph;
 mod help;
@@ -48,12 +49,13 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::pipeline::paths::to_path;
 use crate::pipeline::syntax::SourceId;
 use crate::pipeline::{Exit, Instance, Pipeline, PipelineFile, Problem, Problems, StageRunner, shipped};
 use defaults::Defaults;
+pub use extension::Extension;
 use failure::Failure;
 use interrupt::{GRACE, Interrupt};
 use job::{BuildsPipeline, JobArgs, JobCommand};
@@ -71,22 +73,32 @@ pub struct Cli {
 }
 
 impl Cli {
-    /// Reads a command line, the program's name first, and the file of settings that it names.
+    /// Reads a command line of this crate, the program's name first, and the file of settings that it names.
     fn read<I, T>(args: I) -> Result<(Self, Option<Defaults>), Refusal>
     where
         I: IntoIterator<Item = T>,
         T: Into<OsString>,
     {
-        let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
-        let (mut command, mut defaults) = (command(), None);
-        if let Some((path, file)) = defaults::requested(&command, &args) {
-            let mut read = Defaults::read(&file)?;
-            command = read.set(command, &path);
-            defaults = Some(read);
-        }
-        let matches = command.try_get_matches_from_mut(args)?;
+        let mut command = command();
+        let (matches, defaults) = Self::matches(args, &mut command)?;
         let cli = Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
         Ok((cli, defaults))
+    }
+
+    /// The arguments of a command line as `command` defines them.
+    fn matches<I, T>(args: I, command: &mut clap::Command) -> Result<(ArgMatches, Option<Defaults>), Refusal>
+    where
+        I: IntoIterator<Item = T>,
+        T: Into<OsString>,
+    {
+        let args: Vec<OsString> = args.into_iter().map(Into::into).collect();
+        let mut defaults = None;
+        if let Some((path, file)) = defaults::requested(command, &args) {
+            let mut read = Defaults::read(&file)?;
+            *command = read.set(std::mem::take(command), &path);
+            defaults = Some(read);
+        }
+        Ok((command.try_get_matches_from_mut(args)?, defaults))
     }
 }
 
@@ -253,10 +265,18 @@ impl Command {
     }
 }
 
-/// Runs the program on the process's own arguments.
-pub fn main(runner: &dyn StageRunner) -> ExitCode {
+/// What a command line asks for.
+enum Job {
+    /// A command of this crate, with the settings of a file.
+    Own(Command, Option<Defaults>),
+    /// A command of another crate.
+    Other(Extension, ArgMatches),
+}
+
+/// Runs the program on the process's own arguments; `extensions` are commands of other crates.
+pub fn main(runner: &dyn StageRunner, extensions: &[Extension]) -> ExitCode {
     out_of_memory::install();
-    let (cli, defaults) = match Cli::read(std::env::args_os()) {
+    let (global, job) = match read_line(extensions) {
         Ok(read) => read,
         Err(Refusal::Line(error)) => error.exit(),
         Err(Refusal::Settings(failure)) => {
@@ -264,27 +284,59 @@ pub fn main(runner: &dyn StageRunner) -> ExitCode {
             return ExitCode::from(failure.exit as u8);
         }
     };
-    let (verbosity, log) = (cli.global.verbosity(), cli.global.log_args());
-    let run = || {
-        cli.global.start_log()?;
-        let interrupt = Interrupt::install(cli.command.grace())?;
-        dispatch(cli.command, &Session { runner, verbosity, log, defaults, interrupt })
-    };
-    let exit = run().unwrap_or_else(|failure| {
+    let exit = run_job(&global, job, runner, extensions).unwrap_or_else(|failure| {
         failure.report();
         failure.exit
     });
     ExitCode::from(exit as u8)
 }
 
+/// Reads the process's own arguments.
+fn read_line(extensions: &[Extension]) -> Result<(GlobalArgs, Job), Refusal> {
+    let mut command = command_with(extensions);
+    let (matches, defaults) = Cli::matches(std::env::args_os(), &mut command)?;
+    if let Some((extension, below)) = Extension::named(extensions, &matches) {
+        let global = GlobalArgs::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        return Ok((global, Job::Other(extension, below.clone())));
+    }
+    let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+    Ok((cli.global, Job::Own(cli.command, defaults)))
+}
+
+fn run_job(global: &GlobalArgs, job: Job, runner: &dyn StageRunner, extensions: &[Extension]) -> Result<Exit, Failure> {
+    global.start_log()?;
+    let grace = match &job {
+        Job::Own(command, _) => command.grace(),
+        Job::Other(..) => GRACE,
+    };
+    let interrupt = Interrupt::install(grace)?;
+    let (verbosity, log) = (global.verbosity(), global.log_args());
+    match job {
+        Job::Own(command, defaults) => {
+            dispatch(command, &Session { runner, verbosity, log, defaults, interrupt, extensions })
+        }
+        Job::Other(extension, matches) => {
+            let run = interrupt.run();
+            let exit = (extension.run)(&matches, &run.interrupt)?;
+            Ok(if run.check().is_err() { interrupt.exit() } else { exit })
+        }
+    }
+}
+
 /// The command line's definition, for help and completions.
 pub fn command() -> clap::Command {
+    command_with(&[])
+}
+
+/// The same with commands of other crates.
+fn command_with(extensions: &[Extension]) -> clap::Command {
     // `rectify --to` is the projection, so that there the end of a clip has one name.
     let retarget = |command: clap::Command| command.mut_arg("end", |end| end.visible_alias("to"));
     // `render --flat` is the shading.
     let render = |command: clap::Command| command.mut_arg("flat_tree", |flat| flat.long("flat-tree"));
     let command = Cli::command().mut_subcommand("retarget", retarget).mut_subcommand("render", render);
-    spelling::accept_british(help::complete(command))
+    let command = command.subcommands(extensions.iter().map(|extension| (extension.command)()));
+    spelling::accept_british(help::complete(command, extensions))
 }
 
 /// The pipeline that a command builds from these arguments, the program's name first.
@@ -321,7 +373,7 @@ fn dispatch(command: Command, session: &Session<'_>) -> Result<Exit, Failure> {
         ToolCommand::Schema(args) => Ok(args.run()),
         ToolCommand::Solve(args) => args.run(session),
         ToolCommand::Probe(args) => args.run(session),
-        ToolCommand::Completions(args) => Ok(args.run()),
+        ToolCommand::Completions(args) => Ok(args.run(session)),
         ToolCommand::Doctor => Ok(doctor::run()),
         ToolCommand::Worker => worker::run(session),
     }

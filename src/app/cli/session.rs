@@ -12,6 +12,7 @@ use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
 use super::defaults::Defaults;
+use super::extension::Extension;
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use crate::pipeline::options::ProgressMode;
@@ -64,6 +65,8 @@ pub(super) struct Session<'a> {
     pub(super) defaults: Option<Defaults>,
     /// What signals set.
     pub(super) interrupt: Interrupt,
+    /// Commands of other crates.
+    pub(super) extensions: &'a [Extension],
 }
 
 impl GlobalArgs {
