@@ -74,11 +74,12 @@ export async function screenshot(page, name) {
   return path;
 }
 
-/** The same for the documentation, as docs/gallery/NAME.webp, where PLUMBLINE_PICTURES is set; needs ffmpeg. */
+/** The same for the documentation, as docs/studio/NAME.webp, where PLUMBLINE_PICTURES is set; needs ffmpeg. */
 export async function picture(page, name, width = 1280) {
   const path = await screenshot(page, name);
   if (!process.env.PLUMBLINE_PICTURES) return;
-  const target = join(root, "docs/gallery", `${name}.webp`);
+  mkdirSync(join(root, "docs/studio"), { recursive: true });
+  const target = join(root, "docs/studio", `${name}.webp`);
   execFileSync("ffmpeg", ["-loglevel", "error", "-y", "-i", path, "-vf", `scale=${width}:-1:flags=lanczos`, "-c:v", "libwebp", "-quality", "80", target]);
 }
 

@@ -13,7 +13,7 @@ export function DocumentPage({ document }: { document: OpenDocument }) {
   const refused = failure.value ?? connection.outdated.value;
   return (
     <div class="document">
-      {!connection.connected.value && !refused && <LostBanner connection={connection} />}
+      {!connection.connected.value && connection.outdated.value === null && <LostBanner connection={connection} />}
       <div class="document-body">
         <div class="document-view">
           {refused
