@@ -1,34 +1,12 @@
 // The controls by themselves: what the keyboard does in each, and how they look.
 import assert from "node:assert/strict";
-import { dirname, join } from "node:path";
-import { readFileSync } from "node:fs";
-import { fileURLToPath } from "node:url";
-import { build } from "esbuild";
+import { openAlone } from "./alone.mjs";
 import { inBothThemes, test, until } from "./harness.mjs";
 
-const here = dirname(fileURLToPath(import.meta.url));
-const address = "http://127.0.0.1:1/";
-let script = null;
-
-/** Shows the page of controls; no server is needed for it. */
-async function open(page) {
-  script ??= (await build({
-    entryPoints: [join(here, "components.tsx")], bundle: true, write: false, format: "esm", jsx: "automatic", jsxImportSource: "preact", logLevel: "error",
-  })).outputFiles[0].text;
-  const html = '<!doctype html><html lang="en"><head><title>controls</title><link rel="stylesheet" href="style.css"><style>.icons{display:flex;flex-wrap:wrap;gap:12px;padding:16px 16px 16px 64px}</style></head><body><div id="studio"></div><script type="module" src="main.js"></script></body></html>';
-  const answers = {
-    "/": ["text/html", html], "/main.js": ["text/javascript", script], "/style.css": ["text/css", readFileSync(join(here, "../dist/style.css"), "utf8")],
-  };
-  await page.route(`${address}**`, (route) => {
-    const [contentType, body] = answers[new URL(route.request().url()).pathname] ?? ["text/plain", ""];
-    return route.fulfill({ contentType, body });
-  });
-  await page.goto(address);
-  await page.getByRole("toolbar", { name: "Tools" }).waitFor();
-}
 const value = (page, name) => page.evaluate((key) => window.state.value[key], name);
 const controls = (title, body) => test(title, { alone: true }, async ({ page }) => {
-  await open(page);
+  await openAlone(page, "components.tsx");
+  await page.getByRole("toolbar", { name: "Tools" }).waitFor();
   await body(page);
 });
 

@@ -67,7 +67,7 @@ const View = () => (
       <ToolDivider />
       <ToolButton icon="brush" label="Brush" tip="right" onClick={() => undefined} />
     </Toolbar>
-    <div class="icons">{(Object.keys(ICONS) as IconName[]).map((name) => <span key={name} title={name}><Icon name={name} /></span>)}</div>
+    <div style={{ display: "flex", flexWrap: "wrap", gap: "12px", padding: "16px 16px 16px 64px" }}>{(Object.keys(ICONS) as IconName[]).map((name) => <span key={name} title={name}><Icon name={name} /></span>)}</div>
     <p class="view-facts">43 243 vertices</p>
   </>
 );

@@ -54,9 +54,9 @@ export function Timeline(props: TimelineProps) {
 
 function PlaybackBar(props: TimelineProps) {
   const { playback, tracks } = props;
-  const times = [...new Set(tracks.flatMap((track) => track.keys.map((key) => key.time)))].sort((a, b) => a - b);
-  const time = playback.time.value;
   const toKey = (forward: boolean) => {
+    const times = tracks.flatMap((track) => track.keys.map((key) => key.time)).sort((a, b) => a - b);
+    const time = playback.time.peek();
     const to = forward ? times.find((t) => t > time + 1e-6) : times.filter((t) => t < time - 1e-6).pop();
     playback.pause();
     if (to !== undefined) playback.seek(to);
@@ -167,11 +167,16 @@ function TrackRow(props: TimelineProps & { track: Track }) {
         ? <button type="button" class="track-name ellipsis" onClick={() => onTrack(track.id)}>{track.label}</button>
         : <span class="track-name ellipsis">{track.label}</span>}
       <div ref={bar} class="track" style={track.color ? { color: track.color } : undefined} onDblClick={addAt}>
-        <span class="now" style={{ left: percent(playback.time.value, playback.duration.value) }} />
+        <Now playback={playback} />
         {track.keys.map((key) => <KeyButton key={key.id} timeKey={key} {...props} />)}
       </div>
     </div>
   );
+}
+
+/** The current time on a track: alone, so that playback draws it and not the keys. */
+function Now({ playback }: { playback: Playback }) {
+  return <span class="now" style={{ left: percent(playback.time.value, playback.duration.value) }} />;
 }
 
 function KeyButton(props: TimelineProps & { track: Track; timeKey: TimelineKey }) {
