@@ -13,6 +13,7 @@ pub mod error;
 mod fake;
 pub mod files;
 pub mod history;
+pub mod mesh;
 pub mod outbox;
 pub mod protocol;
 pub mod recovery;

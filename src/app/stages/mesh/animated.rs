@@ -10,8 +10,14 @@ use plumbline_shape::mesh::model::articulation::{
 };
 use plumbline_shape::mesh::{MeshError, Model};
 
-/// A model that goes through poses, evenly in so many seconds.
-pub(crate) fn animated(
+/// A model that goes through poses, evenly in so many seconds: the first as its surface, the others as morph targets.
+///
+/// # Errors
+/// [`MeshError`] for poses that are not finite.
+///
+/// # Panics
+/// If a pose has another number of positions than the model has vertices.
+pub fn animated(
     model: &Model,
     poses: &[Vec<Point3<f64>>],
     seconds: f64,

@@ -118,6 +118,14 @@ impl HandleFile {
         if self.handles.is_empty() {
             return Err(rejected("the file", "handles", "an empty list", "at least one handle"));
         }
+        self.of_mesh_or_draft(positions)
+    }
+
+    /// The same for a file that is being made, which may have no handle yet.
+    ///
+    /// # Errors
+    /// As [`Self::of_mesh`].
+    pub fn of_mesh_or_draft(&self, positions: &[Point3<f64>]) -> Result<MeshHandles, HandleFileError> {
         let selector = Selector::new(positions, &self.sets);
         let mut handles = Vec::with_capacity(self.handles.len());
         let mut owner: Vec<Option<u32>> = vec![None; positions.len()];
