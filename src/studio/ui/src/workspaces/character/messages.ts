@@ -63,3 +63,25 @@ export interface Target {
   at: V3;
   weight: number;
 }
+
+export interface JointState { name: string; parent: number | null; limits: Limits | null; locked?: boolean }
+export interface Track { joint: number; times: number[]; rotations: Q4[]; interpolation: InterpolationKind }
+export interface State {
+  name: string;
+  mesh: { vertices: number; triangles: number; diagonal: number; center: V3; up: "y" | "z" };
+  joints: JointState[];
+  templates: string[];
+  extraction: { options: ExtractionOptions; joints: number | null; ends: number[] | "extrema" | null; report: Record<string, number> | null };
+  weights: { method: WeightMethod; influences: number; smooth: number; painted: number };
+  skinning: SkinningMethod;
+  targets: Target[];
+  poses: string[];
+  clips: string[];
+  clip: string | null;
+  duration: number;
+  tracks: Track[];
+  compare: { method: SkinningMethod; volume: number; stretch: number }[];
+}
+
+/** Kinds of buffers. */
+export const KINDS = { triangles: 200, rest: 201, skinJoints: 202, skinWeights: 203, restFrames: 204, posedFrames: 205, heat: 206, positions: 207, onion: 208, compared: 209 };

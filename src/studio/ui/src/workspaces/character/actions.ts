@@ -1,0 +1,184 @@
+// What the page does, in words of the user; each becomes one message to the server.
+import { Quaternion, Vector3 } from "three";
+import type { Edit, ExtractionOptions, InterpolationKind, Limits, SkinningMethod, Target, V3, WeightMethod } from "./messages";
+import type { Page } from "./page";
+import { upload } from "../../shell/api";
+
+export class Actions {
+  constructor(private readonly page: Page) {}
+
+  private edit(edit: Edit): Promise<void> {
+    return this.page.connection.edit(edit);
+  }
+
+  /** A message of a drag; the last one ends the step. */
+  private drag(edit: Edit, final: boolean) {
+    this.page.connection.drag(edit);
+    if (final) this.page.connection.seal();
+  }
+
+  private model(point: Vector3): V3 {
+    const c = this.page.state.value.mesh.center;
+    return [point.x + c[0], point.y + c[1], point.z + c[2]];
+  }
+
+  // Skeleton.
+
+  extract(changed: { options?: ExtractionOptions; joints?: number | null; ends?: number[] | "extrema" | null }) {
+    const { options, joints, ends } = this.page.state.value.extraction;
+    void this.edit({ do: "extract", options, joints, ends, ...changed });
+  }
+
+  template(name: string) {
+    void this.edit({ do: "template", name });
+  }
+
+  addAlong(origin: Vector3, direction: Vector3) {
+    void this.edit({ do: "add_along", origin: this.model(origin), direction: direction.toArray() as V3, parent: this.page.active?.index ?? null });
+  }
+
+  async extrude(joint: number, to: Vector3): Promise<number | null> {
+    const before = this.page.joints.value.length;
+    await this.edit({ do: "extrude", joint, at: this.model(to) });
+    return this.page.joints.value.length > before ? this.page.joints.value.length - 1 : null;
+  }
+
+  moveTo(joint: number, to: V3) {
+    void this.edit({ do: "move", joint, to, with_children: this.page.withChildren.value });
+  }
+
+  move(joint: number, to: Vector3, final: boolean) {
+    this.drag({ do: "move", joint, to: this.model(to), with_children: this.page.withChildren.value }, final);
+  }
+
+  split = (joint: number, fraction: number) => void this.edit({ do: "split", joint, fraction });
+  dissolve = (joints: readonly number[]) => void this.edit({ do: "dissolve", joints: [...joints] });
+  remove = (joints: readonly number[]) => void this.edit({ do: "remove", joints: [...joints] });
+  reparent = (joints: readonly number[], parent: number | null) => void this.edit({ do: "reparent", joints: [...joints], parent });
+  rename = (joint: number, name: string) => void this.edit({ do: "rename", joint, name });
+  mirror = (joint: number) => void this.edit({ do: "mirror", joint });
+  roll = (joint: number, angle: number) => void this.edit({ do: "roll", joint, angle });
+  limit = (joint: number, limits: Limits | null) => void this.edit({ do: "limit", joint, limits });
+
+  // Weights.
+
+  computeWeights = (options: { method: WeightMethod; influences: number; smooth: number }) =>
+    void this.edit({ do: "compute_weights", method: options.method, influences: options.influences, smooth: options.smooth });
+
+  // Pose.
+
+  rotateTo(joint: number, rotation: Quaternion) {
+    void this.edit({ do: "rotate", joint, rotation: [rotation.x, rotation.y, rotation.z, rotation.w] });
+  }
+  translate = (joint: number, translation: V3) => void this.edit({ do: "translate", joint, translation });
+  dragJoint(joint: number, point: V3, to: Vector3, final: boolean) {
+    this.drag({ do: "drag", joint, point, to: this.model(to) }, final);
+  }
+  resetPose = (joints: readonly number[] | null) => void this.edit({ do: "reset_pose", joints: joints && [...joints] });
+  mirrorPose = () => void this.edit({ do: "mirror_pose" });
+  bakePose = () => void this.edit({ do: "bake_pose" });
+  addTarget = (joint: number, kind: Target["kind"]) => void this.edit({ do: "add_target", target: { joint, kind, at: this.model(this.page.posed.value.position(joint)), weight: 1 } });
+  setTarget = (index: number, target: Target) => void this.edit({ do: "set_target", index, target });
+  removeTarget = (index: number) => void this.edit({ do: "remove_target", index });
+  storePose = (name: string) => void this.edit({ do: "store_pose", name });
+  applyPose = (name: string) => void this.edit({ do: "apply_pose", name });
+  removePose = (name: string) => void this.edit({ do: "remove_pose", name });
+  skinning = (method: SkinningMethod) => void this.edit({ do: "skinning", method });
+
+  // Animation.
+
+  addClip = () => void this.edit({ do: "add_clip", name: `clip ${this.page.state.value.clips.length + 1}` });
+  selectClip = (name: string) => void this.edit({ do: "select_clip", name });
+  renameClip = (name: string) => void this.edit({ do: "rename_clip", name });
+  removeClip = () => void this.edit({ do: "remove_clip", name: this.page.state.value.clip ?? "" });
+  key = (joints: readonly number[], time: number) => void this.edit({ do: "key", joints: [...joints], time });
+  interpolation = (kind: InterpolationKind) => void this.edit({ do: "interpolation", joints: [...this.page.selected.value], kind });
+
+  /** Keys of the chosen joints, of all where none is chosen, at the shown time. */
+  keySelected() {
+    const { selected, joints, playback } = this.page;
+    this.key(selected.value.length > 0 ? selected.value : joints.value.map((j) => j.index), playback.time.value);
+  }
+  removeKeys(ids: readonly string[]) {
+    void this.edit({ do: "remove_keys", keys: ids.map(parseKey) });
+    this.page.selectedKeys.value = [];
+  }
+  moveKeys(ids: readonly string[], by: number, final: boolean) {
+    if (final) void this.edit({ do: "move_keys", keys: ids.map(parseKey), by });
+  }
+  moveCurveKey(id: string, time: number, value: number, final: boolean) {
+    void [id, time, value, final];
+  }
+
+  togglePin(vertex: number) {
+    const { ends } = this.page.state.value.extraction;
+    const pinned = Array.isArray(ends) ? ends : [];
+    this.extract({ ends: pinned.includes(vertex) ? pinned.filter((v) => v !== vertex) : [...pinned, vertex] });
+  }
+
+  /** A child of the active joint, as far from it as that from its parent. */
+  extrudeSelected() {
+    const joint = this.page.active;
+    if (!joint) return;
+    const rest = this.page.rest.value;
+    const at = rest.position(joint.index);
+    const along = joint.parent === null ? new Vector3(0, 0.1 * this.page.diagonal, 0) : at.clone().sub(rest.position(joint.parent));
+    void this.extrude(joint.index, at.add(along)).then((made) => made !== null && this.page.select([made]));
+  }
+
+  // Gestures.
+
+  paint(at: Vector3, pressure: number, shift: boolean, ctrl: boolean) {
+    const { brush, active, diagonal } = this.page;
+    if (!active) return;
+    const op = shift ? "smooth" : ctrl && brush.op.value === "add" ? "subtract" : brush.op.value;
+    this.page.connection.drag({
+      do: "paint", joint: active.index, op, center: this.model(at), radius: brush.size.value * diagonal, strength: brush.strength.value * pressure * 2,
+      value: brush.value.value, mirror: brush.mirror.value,
+    });
+  }
+
+  /** A world rotation of a joint; the parent's stays. */
+  rotateWorld(joint: number, world: Quaternion, final: boolean) {
+    const parent = this.page.joints.value[joint]?.parent ?? null;
+    const above = parent === null ? new Quaternion() : this.page.posed.value.rotation(parent);
+    const rest = this.page.local(this.page.rest.value, joint);
+    const rotation = rest.invert().multiply(above.invert().multiply(world));
+    this.drag({ do: "rotate", joint, rotation: [rotation.x, rotation.y, rotation.z, rotation.w] }, final);
+  }
+
+  endDrag() {
+    this.page.connection.seal();
+  }
+
+  cancelDrag() {
+    this.page.connection.seal();
+    this.page.connection.undo();
+  }
+
+  // Files.
+
+  chooseImport() {
+    const input = document.createElement("input");
+    input.type = "file";
+    input.accept = ".bvh,.glb,.gltf,.json,.skel,.tgf,.skin";
+    input.onchange = () => {
+      const file = input.files?.[0];
+      if (file) void upload(file).then(({ path }) => this.edit({ do: "import", path }));
+    };
+    input.click();
+  }
+
+  export(format: "glb" | "bvh" | "obj") {
+    void this.page.connection.ask({ ask: "export", format });
+  }
+
+  copyCommand() {
+    void this.page.connection.ask<string>({ ask: "command" }).then((text) => navigator.clipboard.writeText(text));
+  }
+}
+
+const parseKey = (id: string): [number, number] => {
+  const [joint, time] = id.replace(/^[xyz]:/, "").split("@").map(Number);
+  return [joint ?? 0, time ?? 0];
+};

@@ -1,0 +1,115 @@
+// Pose: the chosen joint, targets that hold (pins, poles, directions), the library of poses.
+import { signal } from "@preact/signals";
+import { Button, List, NumberField, Panel, Select, TextField, Toggle } from "../../../shell/components";
+import type { SkinningMethod, Target } from "../messages";
+import type { JointInfo, Page } from "../page";
+import { VectorField } from "../vector_field";
+import { rotationOfDeg } from "../frames";
+
+export const SKINNING: readonly { value: SkinningMethod; label: string; title: string }[] = [
+  { value: "linear", label: "Linear blend", title: "Joint matrices are blended" },
+  { value: "dual-quaternion", label: "Dual quaternions", title: "Rotations keep the volume of twisted limbs" },
+  { value: "centers", label: "Centers of rotation", title: "Each vertex rotates about a center of its own" },
+  { value: "mixed", label: "Twist and swing", title: "Twist by dual quaternions, swing by linear blend" },
+  { value: "regression", label: "Regression", title: "As a trained model learnt from examples" },
+];
+
+const chosenTarget = signal<number | null>(null);
+const newName = signal("");
+
+export function PosePanel({ page }: { page: Page }) {
+  const joint = page.active;
+  return (
+    <>
+      {joint ? <RotationPanel page={page} joint={joint} /> : <Panel title="Joint"><p class="hint">Click a joint for its rings, drag a limb to move it.</p></Panel>}
+      <TargetsPanel page={page} />
+      <LibraryPanel page={page} />
+      <SurfacePanel page={page} />
+    </>
+  );
+}
+
+function RotationPanel({ page, joint }: { page: Page; joint: JointInfo }) {
+  const { actions } = page;
+  return (
+    <Panel title="Joint">
+      <div class="row"><strong class="grow ellipsis">{joint.name}</strong>{joint.limits && <span class="muted">limited</span>}</div>
+      <VectorField label="Rotation" unit="°" digits={1} step={5} value={page.poseVector(joint.index)}
+        onChange={(vector) => actions.rotateTo(joint.index, rotationOfDeg(vector))} />
+      {joint.parent === null && (
+        <VectorField label="Translation" digits={4} step={page.step} value={page.poseTranslation(joint.index)} onChange={(by) => actions.translate(joint.index, by)} />
+      )}
+      <div class="button-row">
+        <Button icon="reset" onClick={() => actions.resetPose(page.selected.value)}>Reset joint</Button>
+        <Button icon="reset" onClick={() => actions.resetPose(null)}>Reset all</Button>
+        <Button icon="mirror" onClick={() => actions.mirrorPose()}>Mirror</Button>
+      </div>
+    </Panel>
+  );
+}
+
+const KINDS: Record<Target["kind"], string> = { position: "position", orientation: "orientation", look_at: "looks at", pole: "pole" };
+
+function TargetsPanel({ page }: { page: Page }) {
+  const { actions, joints } = page;
+  const { targets } = page.state.value;
+  const at = chosenTarget.value;
+  const target = at === null ? undefined : targets[at];
+  const joint = page.active;
+  const add = (kind: Target["kind"]) => joint && actions.addTarget(joint.index, kind);
+  return (
+    <Panel title="Targets">
+      <List label="Targets" maxHeight={160} empty="None: pin a hand or a foot, and it stays while you drag"
+        items={targets.map((t, i) => ({ id: String(i), label: joints.value[t.joint]?.name ?? "", detail: KINDS[t.kind], icon: t.kind === "position" ? "pin" : "target" }))}
+        selected={at === null ? [] : [String(at)]} onSelect={([id]) => (chosenTarget.value = id === undefined ? null : Number(id))}
+        onDelete={(ids) => ids.forEach((id) => actions.removeTarget(Number(id)))} />
+      {target && at !== null && (
+        <>
+          <VectorField label="At" digits={4} step={page.step} value={target.at} onChange={(to) => actions.setTarget(at, { ...target, at: to })} />
+          <NumberField label="Weight" value={target.weight} min={0.01} max={1000} step={0.1} onChange={(weight) => actions.setTarget(at, { ...target, weight })} />
+          <Button onClick={() => { actions.removeTarget(at); chosenTarget.value = null; }}>Remove target</Button>
+        </>
+      )}
+      <div class="button-row">
+        <Button icon="pin" disabled={!joint} onClick={() => add("position")}>Pin</Button>
+        <Button disabled={!joint} onClick={() => add("orientation")}>Keep orientation</Button>
+        <Button disabled={!joint} onClick={() => add("pole")}>Pole</Button>
+        <Button icon="eye" disabled={!joint} onClick={() => add("look_at")}>Look at</Button>
+      </div>
+      <Button wide disabled={targets.length === 0} title="The pose stays; its targets go" onClick={() => actions.bakePose()}>Keep pose, remove targets</Button>
+    </Panel>
+  );
+}
+
+function LibraryPanel({ page }: { page: Page }) {
+  const { poses } = page.state.value;
+  const chosen = page.chosenPose;
+  const store = () => {
+    const name = newName.value.trim() || `pose ${poses.length + 1}`;
+    newName.value = "";
+    page.actions.storePose(name);
+  };
+  return (
+    <Panel title="Pose library">
+      <List label="Poses" items={poses.map((name) => ({ id: name, label: name, icon: "character" }))} maxHeight={160} empty="No poses stored"
+        selected={chosen.value ? [chosen.value] : []} onSelect={([name]) => (chosen.value = name ?? null)} onActivate={(name) => page.actions.applyPose(name)}
+        onDelete={(names) => names.forEach((name) => page.actions.removePose(name))} />
+      <TextField label="Name" value={newName.value} placeholder={`pose ${poses.length + 1}`} onChange={(name) => (newName.value = name)} />
+      <div class="button-row">
+        <Button icon="plus" onClick={store}>Store</Button>
+        <Button disabled={!chosen.value} onClick={() => chosen.value && page.actions.applyPose(chosen.value)}>Apply</Button>
+        <Button disabled={!chosen.value} icon="trash" onClick={() => chosen.value && page.actions.removePose(chosen.value)}>Delete</Button>
+      </div>
+    </Panel>
+  );
+}
+
+function SurfacePanel({ page }: { page: Page }) {
+  return (
+    <Panel title="Surface">
+      <Select label="Skinning" value={page.state.value.skinning} options={SKINNING} onChange={(method) => page.actions.skinning(method)} />
+      <Toggle label="Wireframe" checked={page.wireframe.value} onChange={(on) => (page.wireframe.value = on)} />
+      <Toggle label="Joints" checked={page.showJoints.value} onChange={(on) => (page.showJoints.value = on)} />
+    </Panel>
+  );
+}

@@ -1,0 +1,199 @@
+// The 3D scene of a character: the surface as skinned here or by the server, its joints, arcs of limits, onion skins, surfaces side by side.
+// Everything follows the signals of the page.
+import { effect, signal, untracked } from "@preact/signals";
+import { Quaternion } from "three";
+import { cssColor, theme } from "../../shell/components";
+import { brushTool, type JointLines, type Tool, type Viewport } from "../../view3d";
+import { SideBySide } from "./comparison";
+import { skinMatrices } from "./frames";
+import { LimitArcs, type ArcLabel } from "./limit_arcs";
+import { OnionSkins } from "./onion";
+import type { Page } from "./page";
+import { poseTool } from "./pose_tools";
+import { skeletonTool } from "./skeleton_tools";
+
+/** A text over the view, at a point of it. */
+export interface Label extends ArcLabel { kind: "arc" | "compare"; note?: string }
+
+/** Length of arcs and rings, fraction of the diagonal. */
+const ARC = 0.11;
+
+export class Scene {
+  readonly labels = signal<readonly Label[]>([]);
+  readonly joints: JointLines;
+  private readonly arcs: LimitArcs;
+  private readonly onions: OnionSkins;
+  private readonly sides: SideBySide;
+  private readonly stops: (() => void)[] = [];
+  private readonly brush: Tool & { dispose(): void };
+  private fitted = false;
+
+  constructor(readonly page: Page, readonly view: Viewport) {
+    this.joints = view.addJoints();
+    this.arcs = new LimitArcs(view, { swing: cssColor("--data-5"), twist: cssColor("--data-4") });
+    this.onions = new OnionSkins(view);
+    this.sides = new SideBySide(view);
+    this.brush = this.weightBrush();
+    page.scene = this;
+    const follow = (show: () => void) => this.stops.push(effect(show));
+    follow(() => this.showGeometry());
+    follow(() => this.showSkin());
+    follow(() => this.showPose());
+    follow(() => this.showJoints());
+    follow(() => this.showWeights());
+    follow(() => this.showLimits());
+    follow(() => this.showRings());
+    follow(() => this.showOnions());
+    follow(() => this.showComparison());
+    follow(() => this.chooseTool());
+    follow(() => view.surface.setWireframe(page.wireframe.value));
+  }
+
+  /** Another mesh: triangles and positions at rest. */
+  private showGeometry() {
+    const mesh = this.page.geometry.value;
+    if (!mesh) return;
+    const { surface } = this.view;
+    surface.setTopology(mesh.triangles, mesh.rest.length / 3);
+    surface.setPositions(mesh.rest);
+    if (!this.fitted) {
+      this.view.rig.setUp(untracked(() => this.page.state.value.mesh.up));
+      this.view.fit();
+    }
+    this.fitted = true;
+  }
+
+  /** Whether the surface is skinned here: by linear blend, in a pose. */
+  private get skinnedHere(): boolean {
+    return this.page.inPose && this.page.positions.value === null;
+  }
+
+  private showSkin() {
+    const { geometry, skin } = this.page;
+    if (geometry.value) this.view.surface.setSkin(this.skinnedHere ? skin.value : null);
+  }
+
+  private showPose() {
+    const { geometry, skin, posed, rest, positions } = this.page;
+    const mesh = geometry.value;
+    if (!mesh) return;
+    const { surface } = this.view;
+    if (this.skinnedHere && skin.value) {
+      surface.setPositions(mesh.rest);
+      surface.setJointMatrices(skinMatrices(posed.value, rest.value));
+    } else if (this.page.inPose && positions.value) surface.setPositions(positions.value.positions, positions.value.normals);
+    else surface.setPositions(mesh.rest);
+  }
+
+  private showJoints() {
+    const { page } = this;
+    void theme.value;
+    const shown = page.showJoints.value && page.tab.value !== "compare";
+    this.joints.setVisible(shown);
+    this.joints.set(page.shownFrames.positions(), Int32Array.from(page.joints.value, (j) => j.parent ?? -1), {
+      bone: cssColor("--joint-bone") || "#e8edf2", joint: cssColor("--joint-dot") || "#f4f7fa", selected: cssColor("--accent"),
+      selection: new Set(page.selected.value), colors: page.jointColors.value,
+    });
+    this.view.surface.setOpacity(page.tab.value === "skeleton" && shown && page.joints.value.length > 0 ? 0.62 : 1);
+  }
+
+  private showWeights() {
+    const { page } = this;
+    const values = page.tab.value === "weights" ? page.heat.value : null;
+    if (page.geometry.value) this.view.surface.setScalars(values, { low: 0, high: 1, name: "heat" });
+  }
+
+  /** Arcs where limits are set (skeleton) and where they are felt (pose). */
+  private showLimits() {
+    const { page } = this;
+    const joint = page.active;
+    const shown = joint?.limits && ["skeleton", "pose"].includes(page.tab.value) && page.showJoints.value;
+    const labels = this.arcs.show(shown && joint ? { frame: page.limitFrame(joint.index), limits: page.limitShape(joint.limits!), radius: ARC * page.diagonal } : null);
+    const texts = page.tab.value === "skeleton" ? labels : [];
+    this.labels.value = texts.map((label) => ({ ...label, kind: "arc" as const }));
+  }
+
+  /** Rings at the active joint: rotations about its axes. */
+  private showRings() {
+    const { page } = this;
+    const joint = page.active;
+    const { gizmo } = this.view;
+    if (!joint || !["pose", "animate"].includes(page.tab.value) || !page.showJoints.value) return gizmo.attach(null);
+    gizmo.setMode("rotate", "local");
+    const frames = page.posed.value;
+    let start = new Quaternion();
+    gizmo.attach({
+      position: frames.position(joint.index),
+      quaternion: frames.rotation(joint.index),
+      onStart: () => { start = page.posed.peek().rotation(joint.index); },
+      onChange: ({ rotation }) => page.actions.rotateWorld(joint.index, rotation.clone().multiply(start), false),
+      onEnd: () => page.actions.endDrag(),
+    });
+  }
+
+  private showOnions() {
+    const { page } = this;
+    const mesh = page.geometry.value;
+    const skin = page.skin.value;
+    const poses = page.tab.value === "animate" && page.onion.on.value ? page.onionPoses.value : [];
+    this.onions.show(mesh && skin && poses.length > 0 ? page.onionGeometry.value : null, page.rest.value, poses);
+  }
+
+  private showComparison() {
+    const { page } = this;
+    const mesh = page.geometry.value;
+    const on = page.tab.value === "compare" && mesh !== null;
+    this.view.surface.setVisible(!on);
+    if (!on) return this.sides.clear();
+    const before = this.sides.surfaces.length;
+    this.sides.show(page.compared.value, mesh.triangles, mesh.rest);
+    for (const [id, shape] of page.comparedShapes.value) this.sides.setPositions(id, shape.positions, shape.normals);
+    if (this.sides.surfaces.length !== before) this.view.fit();
+    this.labels.value = this.sides.labels().map(({ id, at }) => ({ at, kind: "compare", ...page.comparedText(id) }));
+  }
+
+  private chooseTool() {
+    const { page, view } = this;
+    const tab = page.tab.value;
+    if (tab === "skeleton") view.tool = skeletonTool(view, this.joints, () => page.mode.peek(), page.skeletonActions);
+    else if (tab === "weights") view.tool = page.active ? this.brush : this.chooser();
+    else if (tab === "pose" || tab === "animate") view.tool = poseTool(view, this.joints, page.poseActions);
+    else view.tool = {};
+  }
+
+  private chooser(): Tool {
+    return {
+      click: (at) => {
+        const hit = this.view.pick(at);
+        this.page.choose(this.joints.pickJoint(at, this.view) ?? (hit ? this.page.jointOf(hit.vertex) : null), at.shift);
+      },
+    };
+  }
+
+  /** Paints on the surface; a click on a joint chooses it. */
+  private weightBrush() {
+    const { page, view } = this;
+    const tool = brushTool(view, {
+      radius: () => page.brush.size.peek() * page.diagonal, color: "#ffffff",
+      onStroke: (_, hit, at) => page.actions.paint(hit.point, at.pressure, at.shift, at.ctrl),
+      onEnd: () => page.actions.endDrag(),
+    });
+    const press = tool.press?.bind(tool);
+    tool.press = (at) => {
+      const joint = this.joints.pickJoint(at, view, 6);
+      if (joint === null || joint === page.active?.index) return press?.(at) ?? null;
+      page.choose(joint, at.shift);
+      return { move: () => undefined, end: () => undefined, cancel: () => undefined };
+    };
+    return tool;
+  }
+
+  dispose() {
+    for (const stop of this.stops) stop();
+    this.brush.dispose();
+    this.arcs.dispose();
+    this.onions.clear();
+    this.sides.clear();
+    if (this.page.scene === this) this.page.scene = null;
+  }
+}
