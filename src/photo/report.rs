@@ -47,16 +47,7 @@ fn undirected(angle: f64) -> f64 {
 
 /// The points to measure: the marked ones, or for two ends the line between them.
 fn measured(line: &Line, lens: Option<&Lens>) -> Vec<Point2> {
-    let [a, b] = line.points[..] else { return line.points.clone() };
-    let fraction = |k: usize| k as f64 / (SAMPLES - 1) as f64;
-    let ends = lens.and_then(|lens| Some((lens, lens.unproject(a)?, lens.unproject(b)?)));
-    match ends {
-        Some((lens, from, to)) => {
-            let between = (0..SAMPLES).map(|k| lens.project(&(from * (1.0 - fraction(k)) + to * fraction(k))));
-            between.flatten().collect()
-        }
-        None => (0..SAMPLES).map(|k| a + (b - a) * fraction(k)).collect(),
-    }
+    if line.points.len() == 2 { line.course(lens, SAMPLES - 1) } else { line.points.clone() }
 }
 
 /// Largest distance, source px, of points from the great circle nearest to their directions.

@@ -1,5 +1,6 @@
 //! `image.load`: opens a still picture.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use super::photo::{heif, still_error};
@@ -26,6 +27,15 @@ impl Default for ImageLoadSettings {
     }
 }
 
+/// Reads a picture, HEIC and AVIF through FFmpeg on so many threads.
+pub(super) fn read(path: &Path, max_pixels: u64, threads: usize) -> Result<Photo, RunError> {
+    let options = LoadOptions { max_pixels };
+    match still::load(path, options) {
+        Err(StillError::Heif) => heif::load(path, options, threads),
+        read => read.map_err(|e| still_error(path, &e)),
+    }
+}
+
 impl Stage for ImageLoadSettings {
     const KIND: &'static str = "image.load";
     const SUMMARY: &'static str = "opens a still picture, upright, with its EXIF and color profile";
@@ -46,11 +56,7 @@ impl Stage for ImageLoadSettings {
 
     fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let path = &to_path(&self.path);
-        let options = LoadOptions { max_pixels: self.max_pixels };
-        let photo = match still::load(path, options) {
-            Err(StillError::Heif) => heif::load(path, options, context.job.threads)?,
-            read => read.map_err(|e| still_error(path, &e))?,
-        };
+        let photo = read(path, self.max_pixels, context.job.threads)?;
         for warning in &photo.warnings {
             context.warn(format!("{}: {warning}", path.display()));
         }

@@ -63,24 +63,41 @@ impl Stage for ImageRenderSettings {
     }
 
     fn run(&self, (photo, maps): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let map = maps.into_iter().next();
-        let source = (photo.frame.width, photo.frame.height);
-        let natural = map.as_ref().map_or(source, |m| m.warp.size);
-        let size = self.size.map_or(natural, |size| size.pixels(natural));
-        if map.is_none() && size == source {
-            return Ok((photo,));
-        }
-        let lattice = match map {
-            Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
-            map => Lattice::between(&resized(map, natural, size), size, source),
-        };
-        let frame = sampled(&photo.frame, &lattice, self, &context.job.run()).map_err(|e| render_error(context, &e))?;
-        Ok((Arc::new(with_pixels(&photo, frame)),))
+        let frame = rendered(&photo.frame, maps.into_iter().next(), self, &context.job.run());
+        Ok((match frame.map_err(|e| render_error(context, &e))? {
+            Some(frame) => Arc::new(with_pixels(&photo, frame)),
+            None => photo,
+        },))
     }
 }
 
+/// The picture through a map; `None` where it stays as it is.
+pub(super) fn rendered(
+    frame: &Frame,
+    map: Option<Arc<PhotoMap>>,
+    settings: &ImageRenderSettings,
+    run: &Run,
+) -> Result<Option<Frame>, RenderError> {
+    let source = (frame.width, frame.height);
+    let natural = map.as_ref().map_or(source, |m| m.warp.size);
+    let size = settings.size.map_or(natural, |size| size.pixels(natural));
+    if map.is_none() && size == source {
+        return Ok(None);
+    }
+    let lattice = match map {
+        Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
+        map => Lattice::between(&resized(map, natural, size), size, source),
+    };
+    sampled(frame, &lattice, settings, run).map(Some)
+}
+
 /// The picture through a lattice, and what fills the rest.
-fn sampled(frame: &Frame, lattice: &Lattice, settings: &ImageRenderSettings, run: &Run) -> Result<Frame, RenderError> {
+pub(super) fn sampled(
+    frame: &Frame,
+    lattice: &Lattice,
+    settings: &ImageRenderSettings,
+    run: &Run,
+) -> Result<Frame, RenderError> {
     let renderer = renderer(settings);
     if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
         return renderer.render_still(frame, lattice, run);

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::photo::lens::{self, LensRequest};
 use super::prelude::*;
 use super::values::LineSet;
-use plumbline_camera::FieldAxis;
+use plumbline_camera::{FieldAxis, Lens};
 use plumbline_image::still::Photo;
-use plumbline_image::{Plane, analysis_luma};
+use plumbline_image::{Frame, Plane, analysis_luma};
 use plumbline_num::math::Point2;
 use plumbline_num::run::Run;
 use plumbline_photo::Line;
@@ -58,33 +58,63 @@ impl Stage for LinesDetectSettings {
     }
 }
 
-/// Longest side of the picture that is searched, px: views of it have half as many.
-const MAX_SIDE_PX: usize = 2800;
-
 fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<LineSet, RunError> {
     let lens = match LensRequest::of_lines(settings) {
         Some(request) => lens::find_unless_stitched(photo, &[], request, run)?.map(Arc::new),
         None => None,
     };
-    let mut luma = Plane::new(0, 0);
-    if !analysis_luma(&photo.frame, MAX_SIDE_PX, &mut luma) {
-        return Ok(LineSet { lines: Vec::new(), lens, found: true });
-    }
-    let (width, height) = (luma.width(), luma.height());
-    let levels = Plane::from_fn(width, height, |x, y| f32::from(luma.as_ref().row(y)[x]));
-    drop(luma);
-    // A picture of few pixels across is of another shape when it is small, and shows no lines.
-    let Ok(small) = lens.as_ref().map(|found| found.lens.resized((width as f64, height as f64))).transpose() else {
-        return Ok(LineSet { lines: Vec::new(), lens, found: true });
-    };
-    let detection = detect_lines(levels.as_ref(), small.as_ref(), &LineDetectionOptions::default(), run)?;
-    let scale = (photo.frame.width as f64 / width as f64, photo.frame.height as f64 / height as f64);
-    let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
-    // Of what lies between the ends the lens determines all. More points would be taken for measurements of it, once they are
-    // saved and read back.
-    let ends = |points: &[Point2]| points.first().into_iter().chain(points.last()).map(at).collect();
-    let line = |line: Line| Line { points: ends(&line.points), ..line };
-    let wanted = |line: &Line| !settings.without.contains(&line.name);
-    let lines = detection.lines.into_iter().map(|d| line(d.line)).filter(wanted).collect();
+    let search = LineSearch::of(&photo.frame);
+    let found = search.map_or(Ok(Vec::new()), |search| search.lines(lens.as_ref().map(|found| &found.lens), run))?;
+    let lines = found.into_iter().filter(|line| !settings.without.contains(&line.name)).collect();
     Ok(LineSet { lines, lens, found: true })
+}
+
+/// Longest side of the picture that is searched, px: views of it have half as many.
+const MAX_SIDE_PX: usize = 2800;
+
+/// The gray levels of a picture in which lines are searched, under one lens or another.
+#[derive(Clone, Debug)]
+pub struct LineSearch {
+    levels: Plane<f32>,
+    /// Of the picture, px.
+    size: (f64, f64),
+}
+
+impl LineSearch {
+    /// Of a picture; `None` where its memory does not hold its planes.
+    pub fn of(frame: &Frame) -> Option<Self> {
+        let mut luma = Plane::new(0, 0);
+        if !analysis_luma(frame, MAX_SIDE_PX, &mut luma) {
+            return None;
+        }
+        let levels = Plane::from_fn(luma.width(), luma.height(), |x, y| f32::from(luma.as_ref().row(y)[x]));
+        Some(Self { levels, size: (frame.width as f64, frame.height as f64) })
+    }
+
+    /// The gray levels, 0 to 255, smaller than the picture where that is large.
+    pub fn levels(&self) -> &Plane<f32> {
+        &self.levels
+    }
+
+    /// Pixels of the picture per pixel of the gray levels, x and y.
+    pub fn scale(&self) -> (f64, f64) {
+        (self.size.0 / self.levels.width() as f64, self.size.1 / self.levels.height() as f64)
+    }
+
+    /// The lines of the picture, px, as two ends each. `lens` is of the picture; without one it is taken as perspective.
+    ///
+    /// # Errors
+    /// [`RunError::Interrupted`].
+    pub fn lines(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<Line>, RunError> {
+        // A picture of few pixels across is of another shape when it is small, and shows no lines.
+        let size = (self.levels.width() as f64, self.levels.height() as f64);
+        let Ok(small) = lens.map(|lens| lens.resized(size)).transpose() else { return Ok(Vec::new()) };
+        let detection = detect_lines(self.levels.as_ref(), small.as_ref(), &LineDetectionOptions::default(), run)?;
+        let scale = self.scale();
+        let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
+        // Of what lies between the ends the lens determines all. More points would be taken for measurements of it, once they
+        // are saved and read back.
+        let ends = |points: &[Point2]| points.first().into_iter().chain(points.last()).map(at).collect();
+        Ok(detection.lines.into_iter().map(|d| Line { points: ends(&d.line.points), ..d.line }).collect())
+    }
 }

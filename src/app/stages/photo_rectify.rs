@@ -150,7 +150,7 @@ fn warn_of_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {
     }
 }
 
-fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
+pub(super) fn options(settings: &PhotoRectifySettings, lens: &Lens) -> RectifyOptions {
     RectifyOptions {
         target: settings.to.clone(),
         view: view(settings.view),

@@ -15,6 +15,7 @@
 
 mod arc;
 mod select;
+mod snap;
 #[cfg(test)]
 mod tests;
 mod vanishing;
@@ -30,6 +31,8 @@ use plumbline_image::PlaneRef;
 use plumbline_image::feature::segments;
 use plumbline_num::math::{Point2, Rect, Vec2};
 use plumbline_num::run::{Run, Stopped};
+
+pub use snap::snapped;
 
 use arc::Arc;
 use vanishing::Directions;

@@ -59,8 +59,24 @@ impl Unframed {
         faces: &[Rect],
         options: &RectifyOptions,
     ) -> Result<PhotoWarp, PhotoError> {
+        let frame = self.frame(lens, faces, options)?;
+        self.in_frame(frame, lens, faces, options)
+    }
+
+    /// The rectangle of the plane that the output shows.
+    pub(super) fn frame(&mut self, lens: &Lens, faces: &[Rect], options: &RectifyOptions) -> Result<Rect, PhotoError> {
         let bounds = bounds(&self.mesh).ok_or_else(empty_view)?;
-        let frame = self.crop(bounds, lens, faces, options).ok_or_else(empty_view)?;
+        self.crop(bounds, lens, faces, options).ok_or_else(empty_view)
+    }
+
+    /// The warp that shows a rectangle of the plane.
+    pub(super) fn in_frame(
+        mut self,
+        frame: Rect,
+        lens: &Lens,
+        faces: &[Rect],
+        options: &RectifyOptions,
+    ) -> Result<PhotoWarp, PhotoError> {
         let (size, scale) = size(&frame, lens, options)?;
         let plane_from_out = Matrix2x3::new(1.0 / scale.x, 0.0, frame.min.x, 0.0, 1.0 / scale.y, frame.min.y);
         self.maps.insert(0, Map::Affine(plane_from_out));

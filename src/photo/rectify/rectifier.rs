@@ -118,8 +118,27 @@ impl Rectifier {
     /// # Errors
     /// [`PhotoError::Output`] where nothing is left of the picture, or an output would have no pixels, or too many.
     pub fn warp(&self) -> Result<PhotoWarp, PhotoError> {
+        let frame = self.frame()?;
+        self.warp_in(&frame)
+    }
+
+    /// The rectangle that [`Self::warp`] shows of the plane in which the picture was solved, px at the density of the source. The
+    /// search takes longer than the warp itself.
+    ///
+    /// # Errors
+    /// [`PhotoError::Output`] where nothing is left of the picture.
+    pub fn frame(&self) -> Result<Rect, PhotoError> {
+        self.unframed()?.frame(&self.lens, &self.faces, &self.options)
+    }
+
+    /// The warp of the last solve in a given rectangle of the plane: of an earlier solve, so that a picture whose lines are
+    /// dragged neither jumps nor waits for the search.
+    ///
+    /// # Errors
+    /// [`PhotoError::Output`] where an output would have no pixels, or too many.
+    pub fn warp_in(&self, frame: &Rect) -> Result<PhotoWarp, PhotoError> {
         let solved = self.solved();
-        let mut warp = self.unframed()?.framed(&self.lens, &self.faces, &self.options)?;
+        let mut warp = self.unframed()?.in_frame(*frame, &self.lens, &self.faces, &self.options)?;
         warp.iterations = solved.iterations;
         warp.lines = solved.lines.iter().map(|line| report::of_line(line, Some(&self.lens), &warp)).collect();
         Ok(warp)

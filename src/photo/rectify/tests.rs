@@ -426,3 +426,22 @@ proptest! {
         prop_assert!(warp.lines.iter().all(|l| l.max_px.is_finite()));
     }
 }
+
+#[test]
+fn a_warp_in_the_frame_of_the_solve_is_the_warp_and_another_frame_shows_what_it_says() {
+    let lens = fisheye();
+    let lines = room(&lens);
+    let view = Rectifier::new(&input(&lens, &lines, &[]), &RectifyOptions::default(), &Run::default()).expect("a view");
+    let (frame, whole) = (view.frame().expect("a frame"), view.warp().expect("a warp"));
+    let same = view.warp_in(&frame).expect("a warp");
+    let src = plumbline_num::math::Point2::new(333.0, 222.0);
+    assert_eq!((same.forward)(src), (whole.forward)(src));
+    assert_eq!((same.size, same.lines), (whole.size, whole.lines.clone()));
+    // The right half: what was in the middle comes to the left edge, twice as large.
+    let half = Rect { min: plumbline_num::math::Point2::new(frame.center().x, frame.min.y), max: frame.max };
+    let part = view.warp_in(&half).expect("a warp");
+    let (before, after) = ((whole.forward)(src).expect("shown"), (part.forward)(src).expect("in the grid"));
+    assert!((after.x - 2.0 * (before.x - 0.5 * whole.size.0 as f64)).abs() < 1e-6, "{before} {after}");
+    let none = Rect { min: frame.min, max: frame.min };
+    assert!(view.warp_in(&none).is_err(), "a frame without area has no pixels");
+}

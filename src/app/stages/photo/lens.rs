@@ -20,9 +20,25 @@ const GIVEN: f64 = 0.01;
 /// Least lines of three points or more from which a lens is found.
 const MIN_LINES: usize = 3;
 
+/// What a file and its pixels say of the lens.
+#[derive(Clone, Debug)]
+pub struct LensClues {
+    /// EXIF.
+    pub tags: ExifTags,
+    /// Width and height of the picture, px.
+    pub size: (f64, f64),
+}
+
+impl LensClues {
+    /// Of a picture.
+    pub fn of(photo: &Photo) -> Self {
+        Self { tags: photo.tags.clone(), size: (photo.frame.width as f64, photo.frame.height as f64) }
+    }
+}
+
 /// What the user says of the lens.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LensRequest<'s> {
+pub struct LensRequest<'s> {
     lens: &'s str,
     fov: Option<FieldOfView>,
 }
@@ -33,29 +49,34 @@ impl<'s> LensRequest<'s> {
     }
 
     /// Of a rectifying stage.
-    pub(crate) fn of_rectify(settings: &'s PhotoRectifySettings) -> Self {
+    pub fn of_rectify(settings: &'s PhotoRectifySettings) -> Self {
         Self::new(&settings.lens, settings.fov, settings.fov_axis)
     }
 
     /// Of a stage that finds lines; `None` where it shall find them without a lens.
-    pub(crate) fn of_lines(settings: &'s LinesDetectSettings) -> Option<Self> {
+    pub fn of_lines(settings: &'s LinesDetectSettings) -> Option<Self> {
         (settings.lens != "none").then(|| Self::new(&settings.lens, settings.fov, settings.fov_axis))
     }
 }
 
 /// A lens for the picture's size, and how it was found.
 #[derive(Clone, Debug)]
-pub(crate) struct Found {
-    pub(crate) lens: Lens,
+pub struct Found {
+    /// The lens.
+    pub lens: Lens,
     /// In words, for the report.
-    pub(crate) how: String,
-    pub(crate) warnings: Vec<String>,
+    pub how: String,
+    /// For the user.
+    pub warnings: Vec<String>,
 }
 
 /// The lens of a picture.
-pub(crate) fn find(photo: &Photo, marked: &[Line], request: LensRequest<'_>, run: &Run) -> Result<Found, RunError> {
-    let size = (photo.frame.width as f64, photo.frame.height as f64);
-    let facts = facts(photo.tags.clone(), size);
+///
+/// # Errors
+/// [`RunError`]: a lens that is not known, a file that cannot be read, lines that no lens makes straight, an interruption.
+pub fn find(clues: &LensClues, marked: &[Line], request: LensRequest<'_>, run: &Run) -> Result<Found, RunError> {
+    let size = clues.size;
+    let facts = facts(clues.tags.clone(), size);
     if request.lens == "auto" {
         automatic(&facts, marked, size, request.fov, run)
     } else {
@@ -71,7 +92,7 @@ pub(crate) fn find_unless_stitched(
     run: &Run,
 ) -> Result<Option<Found>, RunError> {
     let stitched = || Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
-    match find(photo, marked, request, run) {
+    match find(&LensClues::of(photo), marked, request, run) {
         Err(_) if request.lens == "auto" && stitched() => Ok(None),
         found => found.map(Some),
     }
