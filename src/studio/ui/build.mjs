@@ -83,7 +83,6 @@ if (!existsSync(join(root, "node_modules"))) {
   console.error("studio page: packages are missing: npm ci --prefix src/studio/ui");
   process.exit(1);
 }
-if (!process.argv.includes("--watch")) rmSync(dist, { recursive: true, force: true });
 mkdirSync(dist, { recursive: true });
 if (process.argv.includes("--watch")) await (await context(options)).watch();
-else await build(options);
+else await build(options).catch(() => process.exit(1));

@@ -33,6 +33,9 @@ export const active = computed(() => documents.value.find(({ info }) => info.doc
 /** What the server has; null until it answered. */
 export const server = signal<ServerState | null>(null);
 
+/** Whether the page has found out what to show. */
+export const ready = signal(false);
+
 /** Whether no session could be begun: the page was opened without its link. */
 export const locked = signal(false);
 

@@ -2,7 +2,7 @@
 import { useEffect } from "preact/hooks";
 import { startSession } from "./api";
 import { overlay, runShortcut } from "./commands";
-import { active, documents, locked, refresh, restore, resume } from "./documents";
+import { active, documents, locked, ready, refresh, restore, resume } from "./documents";
 import { DocumentPage } from "./document_page";
 import { DropTarget, watchDrops } from "./drop";
 import { About, Shortcuts } from "./help";
@@ -34,7 +34,7 @@ export function Shell() {
   useEffect(() => { if (!document) void (documents.value.length > 0 && refresh()); }, [document]);
   const Overlay = overlay.value ? OVERLAYS[overlay.value] : null;
   return (
-    <div class="shell">
+    <div class="shell" data-ready={ready.value}>
       <TopBar />
       {document ? <DocumentPage key={document.info.document} document={document} /> : <StartPage />}
       <Notices />
@@ -47,6 +47,7 @@ export function Shell() {
 async function begin() {
   if (await startSession().catch(() => false)) await restore();
   else locked.value = true;
+  ready.value = true;
 }
 
 /** A new link was pasted into this window. */
