@@ -214,3 +214,7 @@ fn replace_drag(letters: &mut VecDeque<Letter>, letter: &Letter) -> Option<Optio
         _ => None,
     }
 }
+
+#[cfg(test)]
+#[path = "mailbox_tests.rs"]
+mod tests;

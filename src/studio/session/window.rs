@@ -182,3 +182,7 @@ impl Window {
         self.queue().closed
     }
 }
+
+#[cfg(test)]
+#[path = "window_tests.rs"]
+mod tests;
