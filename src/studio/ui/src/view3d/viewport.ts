@@ -62,6 +62,7 @@ export class Viewport {
 
   addSurface(): Surface {
     const surface = new Surface(() => this.invalidate());
+    paint(surface);
     this.surfaces.add(surface);
     this.scene.add(surface.group);
     return surface;
@@ -181,10 +182,7 @@ export class Viewport {
   /** Reads the colors of the page again. */
   themeChanged() {
     this.scene.background = new Color(cssColor("--view") || "#dfe3e8");
-    for (const surface of this.surfaces) {
-      surface.setColor(cssColor("--view-surface") || "#b9c0c8");
-      surface.setLineColor(cssColor("--text") || "#000000");
-    }
+    this.surfaces.forEach(paint);
     this.invalidate();
   }
 
@@ -240,4 +238,10 @@ export class Viewport {
     for (const surface of this.surfaces) surface.dispose();
     this.renderer.dispose();
   }
+}
+
+/** Gives a surface the colors of the page. */
+function paint(surface: Surface) {
+  surface.setColor(cssColor("--view-surface") || "#b9c0c8");
+  surface.setLineColor(cssColor("--text") || "#000000");
 }

@@ -19,6 +19,7 @@ interface Props {
   onMove: (id: string, time: number, value: number, final: boolean) => void;
 }
 
+/** The left and right ends are those of the timeline above. */
 const MARGIN = { left: 44, right: 16, top: 10, bottom: 10 };
 /** Value of one arrow key; Shift makes it ten times as large. */
 const STEP = 1;

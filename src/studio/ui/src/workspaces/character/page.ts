@@ -24,6 +24,11 @@ export interface SkinBuffers { joints: Uint16Array; weights: Float32Array; joint
 export interface Shape { positions: Float32Array; normals?: Int16Array }
 export interface OnionPose { frames: Frames; before: boolean; distance: number }
 
+/** Names of the skinning methods. */
+export const METHODS: Record<SkinningMethod, string> = {
+  linear: "Linear blend", "dual-quaternion": "Dual quaternions", centers: "Centers of rotation", mixed: "Twist and swing", regression: "Regression",
+};
+
 const pages = new WeakMap<object, Page>();
 
 /** The page of a connection: the same for its view and its commands. */
@@ -211,7 +216,8 @@ export class Page {
     this.comparing.value = methods;
   }
   comparedText(id: string): { text: string; note?: string } {
-    return { text: id };
+    const measured = this.state.value.compare.find((c) => c.method === id);
+    return { text: METHODS[id as SkinningMethod] ?? id, note: measured && `volume ${Math.round(1000 * measured.volume) / 10} %` };
   }
 
   readonly skeletonActions: SkeletonActions = {

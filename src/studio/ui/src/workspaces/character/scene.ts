@@ -1,6 +1,6 @@
 // The 3D scene of a character: the surface as skinned here or by the server, its joints, arcs of limits, onion skins, surfaces side by side.
 // Everything follows the signals of the page.
-import { effect, signal, untracked } from "@preact/signals";
+import { computed, effect, signal, untracked } from "@preact/signals";
 import { Quaternion } from "three";
 import { cssColor, theme } from "../../shell/components";
 import { brushTool, type JointLines, type Tool, type Viewport } from "../../view3d";
@@ -19,7 +19,9 @@ export interface Label extends ArcLabel { kind: "arc" | "compare"; note?: string
 const ARC = 0.11;
 
 export class Scene {
-  readonly labels = signal<readonly Label[]>([]);
+  private readonly arcLabels = signal<readonly Label[]>([]);
+  private readonly compareLabels = signal<readonly Label[]>([]);
+  readonly labels = computed(() => [...this.arcLabels.value, ...this.compareLabels.value]);
   readonly joints: JointLines;
   private readonly arcs: LimitArcs;
   private readonly onions: OnionSkins;
@@ -110,7 +112,7 @@ export class Scene {
     const shown = joint?.limits && ["skeleton", "pose"].includes(page.tab.value) && page.showJoints.value;
     const labels = this.arcs.show(shown && joint ? { frame: page.limitFrame(joint.index), limits: page.limitShape(joint.limits!), radius: ARC * page.diagonal } : null);
     const texts = page.tab.value === "skeleton" ? labels : [];
-    this.labels.value = texts.map((label) => ({ ...label, kind: "arc" as const }));
+    this.arcLabels.value = texts.map((label) => ({ ...label, kind: "arc" as const }));
   }
 
   /** Rings at the active joint: rotations about its axes. */
@@ -144,12 +146,15 @@ export class Scene {
     const mesh = page.geometry.value;
     const on = page.tab.value === "compare" && mesh !== null;
     this.view.surface.setVisible(!on);
-    if (!on) return this.sides.clear();
-    const before = this.sides.surfaces.length;
-    this.sides.show(page.compared.value, mesh.triangles, mesh.rest);
+    if (!on) {
+      this.sides.clear();
+      this.compareLabels.value = [];
+      return;
+    }
+    const others = this.sides.show(page.compared.value, mesh.triangles, mesh.rest);
     for (const [id, shape] of page.comparedShapes.value) this.sides.setPositions(id, shape.positions, shape.normals);
-    if (this.sides.surfaces.length !== before) this.view.fit();
-    this.labels.value = this.sides.labels().map(({ id, at }) => ({ at, kind: "compare", ...page.comparedText(id) }));
+    if (others) this.view.fit();
+    this.compareLabels.value = this.sides.labels().map(({ id, at }) => ({ at, kind: "compare", ...page.comparedText(id) }));
   }
 
   private chooseTool() {

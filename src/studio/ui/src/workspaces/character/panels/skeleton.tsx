@@ -19,7 +19,7 @@ export function SkeletonPanel({ page }: { page: Page }) {
   return (
     <>
       <Panel title="Tool">
-        <Segmented label="Tool" bare value={page.mode.value} options={MODES} onChange={(mode) => (page.mode.value = mode)} />
+        <div class="row"><Segmented label="Tool" bare value={page.mode.value} options={MODES} onChange={(mode) => (page.mode.value = mode)} /></div>
         <Toggle label="Children move along" checked={page.withChildren.value} onChange={(on) => (page.withChildren.value = on)} />
       </Panel>
       {joint && <JointPanel page={page} joint={joint} />}

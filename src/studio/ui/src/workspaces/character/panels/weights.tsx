@@ -29,7 +29,7 @@ function BrushPanel({ page }: { page: Page }) {
   const joint = page.active;
   return (
     <Panel title="Brush">
-      <Segmented label="Brush" bare value={brush.op.value} options={BRUSHES} onChange={(op) => (brush.op.value = op)} />
+      <div class="row"><Segmented label="Brush" bare value={brush.op.value} options={BRUSHES} onChange={(op) => (brush.op.value = op)} /></div>
       <SliderField label="Size" title="Radius, fraction of the diagonal of the mesh" value={brush.size.value} min={0.005} max={0.3} logarithmic
         onChange={(size) => (brush.size.value = size)} onInput={(size) => (brush.size.value = size)} />
       <SliderField label="Strength" value={brush.strength.value} min={0.01} max={1} step={0.01}
