@@ -52,9 +52,22 @@ export class OrbitCamera {
     if (box.isEmpty()) return;
     box.getCenter(this.target);
     this.radius = Math.max(box.getSize(new Vector3()).length() / 2, 1e-9);
-    const half = Math.min(this.camera.fov / 2, (Math.atan(Math.tan((this.camera.fov * Math.PI) / 360) * this.camera.aspect) * 180) / Math.PI);
-    this.spherical.radius = (1.08 * this.radius) / Math.sin((half * Math.PI) / 180);
+    this.spherical.radius = Math.max(1.08 * this.distanceFor(box), 1e-6 * this.radius);
     this.update();
+  }
+
+  /** The least distance from the center of a box at which all its corners are in the view, in the direction of now. */
+  private distanceFor(box: Box3): number {
+    const tangent = Math.tan((this.camera.fov * Math.PI) / 360);
+    const back = this.camera.quaternion.clone().invert();
+    const half = box.getSize(new Vector3()).divideScalar(2);
+    let distance = 0;
+    for (let corner = 0; corner < 8; corner++) {
+      const sign = (bit: number) => (corner & bit ? 1 : -1);
+      const p = new Vector3(sign(1) * half.x, sign(2) * half.y, sign(4) * half.z).applyQuaternion(back);
+      distance = Math.max(distance, p.z + Math.abs(p.x) / (tangent * this.camera.aspect), p.z + Math.abs(p.y) / tangent);
+    }
+    return distance;
   }
 
   /** Looks from a named side. */
