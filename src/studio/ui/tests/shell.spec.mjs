@@ -39,6 +39,15 @@ const send = (page, messages) => page.evaluate(async (texts) => {
   return { answers: answers(), state: state() };
 }, messages.map((message) => (typeof message === "string" ? message : JSON.stringify(message))));
 
+/** What the browser says when a file is dragged over the window and dropped. */
+const drop = (page, name, text, kinds) => page.evaluate(([name, text, kinds]) => {
+  for (const kind of kinds) {
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File([text], name));
+    window.dispatchEvent(new DragEvent(kind, { dataTransfer, bubbles: true, cancelable: true }));
+  }
+}, [name, text, kinds]);
+
 const append = (page, ...numbers) => send(page, numbers.map((number, i) => ({ id: i + 1, edit: { do: "append", number } })));
 const sum = async (page) => (await send(page, [{ id: 1, ask: { ask: "sum" } }])).answers[0].result;
 const steps = (page) => page.getByRole("complementary", { name: "History" }).getByRole("listitem");
@@ -75,15 +84,18 @@ test("a file is found and opened with the keyboard, and is recent afterwards", a
   await until(async () => (await page.getByRole("dialog").count()) === 0, "the picker to close");
 });
 
-test("a file that is no document gives a notice, and nothing else happens", async ({ page, folder }) => {
+test("a file that is no document is refused with the reason, where it was chosen or dropped", async ({ page, folder }) => {
   writeFileSync(join(folder, "bad.fake"), "{ no numbers");
   await ready(page);
   await page.keyboard.press("Control+o");
   await page.getByRole("option", { name: "bad.fake" }).dblclick();
+  await page.getByRole("alert").filter({ hasText: "bad.fake: key must be a string" }).waitFor();
+  await inBothThemes(page, "refused");
+  await page.getByRole("button", { name: "Cancel" }).click();
+  await drop(page, "bad.fake", "{", ["drop"]);
   await page.getByRole("alert").filter({ hasText: "bad.fake" }).waitFor();
   await inBothThemes(page, "notice");
-  await page.getByRole("button", { name: "Cancel" }).click();
-  await page.getByRole("button", { name: "Dismiss" }).click();
+  for (let left = await page.getByRole("alert").count(); left > 0; left--) await page.getByRole("button", { name: "Dismiss" }).first().click();
   assert.equal(await page.getByRole("alert").count(), 0);
 });
 
@@ -197,15 +209,10 @@ test("two windows on one document show the same", async ({ page, folder, newPage
 
 test("a file dropped on the window is opened", async ({ page }) => {
   await ready(page);
-  const drop = (type) => page.evaluate(([kind, text]) => {
-    const data = new DataTransfer();
-    data.items.add(new File([text], "dropped.fake"));
-    window.dispatchEvent(new DragEvent(kind, { dataTransfer: data, bubbles: true, cancelable: true }));
-  }, [type, NUMBERS]);
-  await drop("dragover");
+  await drop(page, "dropped.fake", NUMBERS, ["dragover"]);
   await page.getByText("Drop to open").waitFor();
   await screenshot(page, "drop");
-  await drop("drop");
+  await drop(page, "dropped.fake", NUMBERS, ["drop"]);
   await tab(page, "dropped.fake").waitFor();
   await until(async () => (await sum(page)) === 6, "the numbers");
 });
@@ -256,4 +263,16 @@ test("a download link works once", async ({ page, folder }) => {
   const answer = () => page.evaluate((url) => fetch(url).then(async (found) => [found.status, found.headers.get("content-disposition")]), answers[0].download.url);
   assert.match((await answer())[1], /^attachment/);
   assert.equal((await answer())[0], 404);
+});
+
+test("a browser without WebGL 2 gets a clear message, and photos still open", {
+  open: "giraffe.ply", media: ["giraffe.ply", "room-kb-125.jpg"], flags: ["--disable-3d-apis"],
+}, async ({ page }) => {
+  await page.getByText("This browser has no WebGL 2").waitFor();
+  await inBothThemes(page, "no-webgl");
+});
+
+test("a file named at start is shown at once, and its tab is remembered", { open: "giraffe.ply", media: ["giraffe.ply"] }, async ({ page }) => {
+  await until(async () => (await tab(page, "giraffe.ply").getAttribute("aria-current")) === "page", "the file that was named");
+  await until(() => page.evaluate(() => JSON.parse(sessionStorage.getItem("plumbline tabs"))?.open.length === 1), "the tab to be kept");
 });

@@ -60,9 +60,9 @@ export function close(document: string) {
   void refresh();
 }
 
-/** Opens a file of the server by its path. */
-export async function openPath(path: string): Promise<boolean> {
-  return attempt(async () => add(await openFile(path)));
+/** Opens a file of the server by its path; a refusal is shown as a notice. */
+export async function openPath(path: string): Promise<void> {
+  await attempt(async () => add(await openFile(path)));
 }
 
 /** Stores files that were dropped, then opens the first that is a document. */
@@ -124,16 +124,17 @@ function readTabs(): Tabs | null {
   }
 }
 
-async function attempt(action: () => Promise<void>): Promise<boolean> {
+async function attempt(action: () => Promise<void>): Promise<void> {
   try {
     await action();
-    return true;
   } catch (error) {
     if (error instanceof Refused && error.status === 401) locked.value = true;
-    else notify("error", error instanceof Refused ? error.message : "plumbline does not answer. Is it still running?");
-    return false;
+    else notify("error", reasonOf(error));
   }
 }
+
+/** Why a request failed, for the user. */
+export const reasonOf = (error: unknown) => (error instanceof Refused ? error.message : "plumbline does not answer. Is it still running?");
 
 function open(info: DocumentInfo): OpenDocument {
   const page = signal<WorkspacePage | null>(null);

@@ -1,5 +1,6 @@
 // Short texts for the user: what failed, what a method warns of. Read aloud as they come.
 import { signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
 import { Icon, ToolButton } from "./components";
 
 export type Level = "info" | "warning" | "error";
@@ -24,18 +25,24 @@ export function dismiss(id: number) {
   if (notices.value.some((notice) => notice.id === id)) notices.value = notices.value.filter((notice) => notice.id !== id);
 }
 
-/** The notices, at the lower right. */
+/** The notices, at the lower right: above dialogs too, which cover everything else. */
 export function Notices() {
+  const box = useRef<HTMLElement>(null);
+  const shown = notices.value;
+  useEffect(() => {
+    box.current?.hidePopover();
+    if (shown.length > 0) box.current?.showPopover();
+  }, [shown]);
   return (
-    <section class="notices" aria-label="Notices" aria-live="polite" aria-relevant="additions">
-      {notices.value.map(({ id, level, text, count }) => (
+    <section ref={box} popover="manual" class="notices" aria-label="Notices" aria-live="polite" aria-relevant="additions">
+      {shown.map(({ id, level, text, count }) => (
         <div key={id} class={`notice ${level}`} role={level === "error" ? "alert" : "status"}>
           <Icon name={level} />
           <span class="grow">
             {text}
             {count > 1 && <span class="muted"> ({count} times)</span>}
           </span>
-          <ToolButton icon="close" label="Dismiss" onClick={() => dismiss(id)} />
+          <ToolButton icon="close" label="Dismiss" tip="left" onClick={() => dismiss(id)} />
         </div>
       ))}
     </section>

@@ -1,10 +1,10 @@
 // The file picker: folders of the server that were named at start. A browser gives bytes of a chosen file, not its path; the
 // documents live beside their files, so the server lists them.
 import { useEffect, useRef, useState } from "preact/hooks";
-import { listFolder, type FolderEntry, type FolderListing } from "./api";
+import { listFolder, openFile, type FolderEntry, type FolderListing } from "./api";
 import { overlay } from "./commands";
 import { Button, Dialog, Icon, ToolButton, remembered } from "./components";
-import { openPath } from "./documents";
+import { add, reasonOf } from "./documents";
 import { workspaceIcon } from "./top_bar";
 
 const close = () => (overlay.value = null);
@@ -22,16 +22,18 @@ export function Picker() {
       setFilter("");
       setAt(0);
       lastFolder.value = next.path;
-    }, (error: Error) => {
+    }, (error: unknown) => {
       if (path !== undefined && listing === null) void enter();
-      else setProblem(error.message);
+      else setProblem(reasonOf(error));
     });
   };
   useEffect(() => void enter(lastFolder.peek() || undefined), []);
   const shown = (listing?.entries ?? []).filter((entry) => entry.name.toLowerCase().includes(filter.toLowerCase()));
   const choose = (entry: FolderEntry | undefined) => {
     if (entry?.folder) return void enter(entry.path);
-    if (entry) void openPath(entry.path).then((opened) => opened && close());
+    if (!entry) return;
+    setProblem(null);
+    openFile(entry.path).then((info) => { close(); add(info); }, (error: unknown) => setProblem(reasonOf(error)));
   };
   const up = () => listing?.parent !== null && listing?.parent !== undefined && void enter(listing.parent);
   const onKeyDown = (event: KeyboardEvent) => {
