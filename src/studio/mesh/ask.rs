@@ -22,6 +22,7 @@ use plumbline_shape::mesh::{MeshFormat, Model};
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS), ts(optional_fields))]
 #[serde(tag = "ask", rename_all = "snake_case", deny_unknown_fields)]
+#[expect(missing_docs, reason = "fields are what they are named; what they do is said of the question")]
 pub enum Ask {
     /// The schema of the settings of the deformation: names, texts, ranges, words, defaults.
     Schema,

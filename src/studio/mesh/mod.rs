@@ -10,6 +10,7 @@ pub mod edit;
 pub mod encode;
 pub mod handle_text;
 pub mod keys;
+pub mod message;
 pub mod overlay;
 pub mod pipeline_text;
 pub mod solver;
@@ -126,7 +127,7 @@ impl MeshWorkspace {
 
 impl Workspace for MeshWorkspace {
     type Document = MeshDocument;
-    type Edit = edit::Edit;
+    type Edit = message::Edit;
     type View = View;
     type Ask = ask::Ask;
     type State = State;

@@ -4,7 +4,8 @@ use nalgebra::Point3;
 use serde::Serialize;
 
 use super::document::MeshDocument;
-use super::edit::{HandleKind, kind_of};
+use super::edit::kind_of;
+use super::message::HandleKind;
 use super::keys;
 use super::overlay::Overlay;
 use super::solver::Solver;

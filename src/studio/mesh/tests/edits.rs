@@ -53,7 +53,7 @@ fn scaling_a_rigid_handle_frees_its_vertices_and_keeps_its_keys() {
                      "rotation": [1, 0, 0, 0], "scale": [2, 2, 1]}))
         .unwrap();
     let state = opened.state();
-    assert_eq!(state.handles[1].kind, edit::HandleKind::Free);
+    assert_eq!(state.handles[1].kind, message::HandleKind::Free);
     assert_eq!(state.handles[1].keys, [0.0, 1.0]);
     let handle = &opened.document.handles[1].mesh;
     let rest = opened.workspace.model.mesh().positions();

@@ -19,9 +19,9 @@ fn typescript() -> String {
     let kinds: Vec<String> = kinds.iter().map(|k| format!("{k:?}: {}", k.number())).collect();
     let types = [
         vertices::Combine::decl(&cfg),
-        edit::HandleKind::decl(&cfg),
-        edit::KeyId::decl(&cfg),
-        edit::Edit::decl(&cfg),
+        message::HandleKind::decl(&cfg),
+        message::KeyId::decl(&cfg),
+        message::Edit::decl(&cfg),
         Overlay::decl(&cfg),
         View::decl(&cfg),
         ask::Ask::decl(&cfg),
