@@ -15,6 +15,7 @@ pub mod files;
 pub mod history;
 pub mod mesh;
 pub mod outbox;
+pub mod photo;
 pub mod protocol;
 pub mod recovery;
 pub mod registry;
