@@ -6,6 +6,8 @@
 use std::io::{self, Write as _};
 use std::process::{Command, Stdio};
 
+use crate::recovery::private_temporary_folder;
+
 /// The program that opens a file with what the user has chosen for it.
 const OPENER: &str = if cfg!(target_os = "macos") {
     "open"
@@ -25,7 +27,7 @@ pub(crate) struct Redirect {
 impl Redirect {
     /// A file in a private folder that leads to `url`.
     fn to(url: &str) -> io::Result<(Self, std::path::PathBuf)> {
-        let folder = tempfile::Builder::new().prefix("plumbline-studio-").tempdir()?;
+        let folder = private_temporary_folder("plumbline-studio-", &std::env::temp_dir())?;
         let path = folder.path().join("open.html");
         let mut options = std::fs::OpenOptions::new();
         options.write(true).create_new(true);

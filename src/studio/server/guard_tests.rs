@@ -3,7 +3,9 @@
 use super::*;
 
 fn headers(of: &[(&'static str, &str)]) -> HeaderMap {
-    of.iter().map(|(name, value)| (HeaderName::from_static(name), HeaderValue::from_str(value).expect("a value"))).collect()
+    of.iter()
+        .map(|(name, value)| (HeaderName::from_static(name), HeaderValue::from_str(value).expect("a value")))
+        .collect()
 }
 
 fn is_allowed(hosts: &Hosts, path: &str, of: &[(&'static str, &str)]) -> bool {

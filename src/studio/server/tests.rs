@@ -275,7 +275,11 @@ fn every_response_forbids_inline_scripts_guessing_and_frames() {
         assert!(policy.contains("default-src 'self'") && policy.contains("frame-ancestors 'none'"), "{policy}");
         assert!(answer.head.contains("x-content-type-options: nosniff"), "{}", answer.head);
         assert!(answer.head.contains("referrer-policy: no-referrer"), "{}", answer.head);
-        assert!(!answer.head.contains("access-control-allow") && !answer.head.contains("set-cookie"), "{}", answer.head);
+        assert!(
+            !answer.head.contains("access-control-allow") && !answer.head.contains("set-cookie"),
+            "{}",
+            answer.head
+        );
     }
 }
 
@@ -308,7 +312,8 @@ fn files_outside_the_folders_are_refused_also_through_links() {
         assert_eq!(server.get(&format!("/api/files?folder={folder}")).status, 404, "{folder}");
     }
     let listing = server.get("/api/files").json();
-    let names: Vec<&str> = listing["entries"].as_array().expect("a list").iter().filter_map(|e| e["name"].as_str()).collect();
+    let names: Vec<&str> =
+        listing["entries"].as_array().expect("a list").iter().filter_map(|e| e["name"].as_str()).collect();
     assert_eq!(names, ["below", "a.fake"], "links out of the folder are not shown");
     assert_eq!(listing["parent"], Value::Null);
     let below = server.get("/api/files?folder=below").json();
@@ -318,7 +323,14 @@ fn files_outside_the_folders_are_refused_also_through_links() {
 #[test]
 fn a_file_of_the_project_is_never_served_as_a_page() {
     let server = running();
-    for path in ["/a.fake", "/project/a.fake", "/../project/a.fake", "/assets/../a.fake", "/%2e%2e/%2e%2e/secret.fake", "/assets//etc/passwd"] {
+    for path in [
+        "/a.fake",
+        "/project/a.fake",
+        "/../project/a.fake",
+        "/assets/../a.fake",
+        "/%2e%2e/%2e%2e/secret.fake",
+        "/assets//etc/passwd",
+    ] {
         assert_eq!(server.get(path).status, 404, "{path}");
     }
 }
@@ -470,11 +482,15 @@ fn the_page_is_connected_to_the_same_document_after_the_program_was_started_agai
 fn dropped_files_go_to_a_folder_of_the_session_whatever_their_name_is() {
     let mut server = running();
     let session = [("x-plumbline-session", server.session.as_str())];
-    let drop_file = |name: &str| server.request("POST", &format!("/api/upload?name={name}"), &session, "{\"numbers\":[5]}");
+    let drop_file =
+        |name: &str| server.request("POST", &format!("/api/upload?name={name}"), &session, "{\"numbers\":[5]}");
     let answer = drop_file("..%2F..%2Fb.fake");
     assert_eq!(answer.status, 200, "{}", answer.json());
     let path = answer.json()["path"].as_str().expect("a path").to_owned();
-    assert!(Path::new(&path).starts_with(server.folder.path().join("state/dropped")) && path.ends_with("/b.fake"), "{path}");
+    assert!(
+        Path::new(&path).starts_with(server.folder.path().join("state/dropped")) && path.ends_with("/b.fake"),
+        "{path}"
+    );
     for name in ["", "..", ".hidden", "a%2F.."] {
         assert_eq!(drop_file(name).status, 422, "{name}");
     }

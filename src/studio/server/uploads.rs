@@ -17,7 +17,7 @@ use serde::Deserialize;
 
 use super::Studio;
 use super::api::refusal;
-use crate::recovery::private_folder;
+use crate::recovery::{private_folder, private_temporary_folder};
 use plumbline_num::files::{AtomicFile, IfExists};
 
 /// Bytes of all files together: two large scans.
@@ -43,7 +43,7 @@ impl Uploads {
         if state.is_some() {
             private_folder(&parent)?;
         }
-        let folder = tempfile::Builder::new().prefix("session-").tempdir_in(parent)?.keep();
+        let folder = private_temporary_folder("session-", &parent)?.keep();
         Ok(Self {
             folder,
             used: AtomicU64::new(0),

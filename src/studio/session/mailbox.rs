@@ -181,6 +181,11 @@ impl Mailbox {
         self.paced.notify_one();
     }
 
+    /// Letters that wait in a closed box.
+    pub fn left(&self) -> Vec<Letter> {
+        self.state().letters.drain(..).collect()
+    }
+
     /// Whether it was closed.
     pub fn is_closed(&self) -> bool {
         self.state().closed

@@ -130,6 +130,17 @@ impl<W: Workspace> Session<W> {
 
     fn end(&mut self) {
         self.keep_unsaved();
+        for letter in self.mailbox.left() {
+            match letter {
+                Letter::Attach(window) => self.windows.push(window),
+                Letter::Detach(id) => self.windows.retain(|w| w.id != id),
+                Letter::Command(request) => {
+                    if let Some(window) = self.windows.iter().find(|w| w.id == request.window) {
+                        window.reply(&Reply::failed(request.id, "the document is closed"));
+                    }
+                }
+            }
+        }
         for window in self.windows.drain(..) {
             window.send(&ToPage::Closed(true));
             window.close();
