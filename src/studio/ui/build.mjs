@@ -44,7 +44,7 @@ const options = {
   format: "esm",
   target: ["es2022"],
   minify: true,
-  legalComments: "linked",
+  legalComments: "none", // they are in NOTICES.txt
   chunkNames: "chunks/[name]-[hash]",
   jsx: "automatic",
   jsxImportSource: "preact",
@@ -54,6 +54,17 @@ const options = {
   plugins: [styles, { name: "finish", setup: (esbuild) => esbuild.onEnd((result) => void finish(result)) }],
 };
 
+/** Name, version and license of every package that the page contains. */
+function notices(metafile) {
+  const folders = Object.keys(metafile.inputs).map((path) => path.match(/^node_modules\/(?:@[^/]+\/)?[^/]+/)?.[0]);
+  return [...new Set(folders)].filter(Boolean).sort().map((folder) => {
+    const { name, version, license } = JSON.parse(readFileSync(join(root, folder, "package.json"), "utf8"));
+    const file = readdirSync(join(root, folder)).find((entry) => /^licen[cs]e/i.test(entry));
+    const text = file ? readFileSync(join(root, folder, file), "utf8").trim() : "";
+    return `${name} ${version} (${license})\n\n${text}\n`;
+  }).join(`\n${"-".repeat(80)}\n\n`);
+}
+
 /** The page itself, compressed copies, and what they weigh. */
 function finish(result) {
   if (result.errors.length > 0) return;
@@ -62,6 +73,8 @@ function finish(result) {
     copyFileSync(join(root, name), join(dist, name));
     current.add(join(dist, name));
   }
+  writeFileSync(join(dist, "NOTICES.txt"), notices(result.metafile));
+  current.add(join(dist, "NOTICES.txt"));
   let total = 0;
   for (const path of files(dist)) {
     if (path.endsWith(".gz")) continue;
@@ -72,7 +85,7 @@ function finish(result) {
     }
     const compressed = gzipSync(readFileSync(path), { level: 9 });
     writeFileSync(`${path}.gz`, compressed);
-    if (!path.endsWith(".LEGAL.txt")) total += compressed.length;
+    total += compressed.length;
     if (process.argv.includes("--sizes")) console.log(`${String(compressed.length).padStart(8)}  ${relative(dist, path)}`);
   }
   console.log(`studio page: ${(total / 1e6).toFixed(3)} MB compressed (at most ${MAX_COMPRESSED / 1e6})`);

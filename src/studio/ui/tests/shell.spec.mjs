@@ -48,6 +48,13 @@ const drop = (page, name, text, kinds) => page.evaluate(([name, text, kinds]) =>
   }
 }, [name, text, kinds]);
 
+/** A link for one more window. */
+const newLink = (page) => page.evaluate(async () => {
+  const headers = { "x-plumbline-session": sessionStorage.getItem("plumbline session"), "content-type": "application/json" };
+  const { token } = await (await fetch("/api/link", { method: "POST", headers, body: "{}" })).json();
+  return `${location.origin}/#token=${token}`;
+});
+
 const append = (page, ...numbers) => send(page, numbers.map((number, i) => ({ id: i + 1, edit: { do: "append", number } })));
 const sum = async (page) => (await send(page, [{ id: 1, ask: { ask: "sum" } }])).answers[0].result;
 const steps = (page) => page.getByRole("complementary", { name: "History" }).getByRole("listitem");
@@ -76,7 +83,10 @@ test("a file is found and opened with the keyboard, and is recent afterwards", a
   await openNumbers(page, folder);
   assert.equal(await page.title(), "a.fake – plumbline studio");
   await page.getByRole("button", { name: "Start page" }).click();
-  await page.getByRole("listitem").filter({ hasText: "a.fake" }).waitFor();
+  await page.getByRole("list", { name: "Open" }).getByText("a.fake").waitFor();
+  await inBothThemes(page, "start-open");
+  await page.getByRole("button", { name: "Close a.fake in all windows" }).click();
+  await page.getByRole("region", { name: "Recent" }).getByText("a.fake").waitFor();
   await page.keyboard.press("Control+o");
   await page.getByRole("dialog", { name: "Open a file" }).waitFor();
   await inBothThemes(page, "picker");
@@ -192,14 +202,11 @@ test("a program that is killed loses nothing: the window says so, and goes on wi
   await saved(page, "Not saved");
 });
 
-test("two windows on one document show the same", async ({ page, folder, newPage, server }) => {
+test("two windows on one document show the same", async ({ page, folder, newPage }) => {
   await openNumbers(page, folder);
-  const link = await page.evaluate(async () => {
-    const headers = { "x-plumbline-session": sessionStorage.getItem("plumbline session"), "content-type": "application/json" };
-    return (await (await fetch("/api/link", { method: "POST", headers, body: "{}" })).json()).token;
-  });
+  const link = await newLink(page);
   const other = await newPage();
-  await other.goto(`${server.url.split("#")[0]}#token=${link}`);
+  await other.goto(link);
   await tab(other, "a.fake").waitFor();
   await append(other, 4);
   for (const window of [page, other]) await saved(window, "Not saved");
@@ -275,4 +282,42 @@ test("a browser without WebGL 2 gets a clear message, and photos still open", {
 test("a file named at start is shown at once, and its tab is remembered", { open: "giraffe.ply", media: ["giraffe.ply"] }, async ({ page }) => {
   await until(async () => (await tab(page, "giraffe.ply").getAttribute("aria-current")) === "page", "the file that was named");
   await until(() => page.evaluate(() => JSON.parse(sessionStorage.getItem("plumbline tabs"))?.open.length === 1), "the tab to be kept");
+});
+
+test("a fault in a workspace stays in its tab", { open: "giraffe.ply", media: ["giraffe.ply"], expect: ["the view is broken"] }, async ({ newPage, page }) => {
+  await tab(page, "giraffe.ply").waitFor();
+  const link = await newLink(page);
+  const other = await newPage();
+  const body = 'export const page = { name: "mesh", commands: () => [], View: () => { throw new Error("the view is broken"); } };';
+  await other.route("**/chunks/mesh-*.js", (route) => route.fulfill({ contentType: "text/javascript", body }));
+  await other.goto(link);
+  await other.getByRole("heading", { name: "This view has failed" }).waitFor();
+  await inBothThemes(other, "fault");
+  await other.getByRole("button", { name: "Start page" }).click();
+  await other.getByRole("heading", { name: "plumbline studio" }).waitFor();
+});
+
+test("a document is closed in all windows from the start page", async ({ page, folder }) => {
+  await openNumbers(page, folder);
+  await append(page, 4);
+  await page.getByRole("button", { name: "Start page" }).click();
+  await page.getByRole("button", { name: "Close a.fake in all windows" }).click();
+  await until(async () => (await tab(page, "a.fake").count()) === 0, "the tab to close");
+  await page.getByRole("region", { name: "Recent" }).getByText("a.fake").click();
+  await saved(page, "Not saved");
+  assert.equal(await sum(page), 10);
+});
+
+test("many documents fit into the bar", { size: { width: 1280, height: 720 } }, async ({ page, folder }) => {
+  for (let i = 0; i < 12; i++) await openNumbers(page, folder, `document-${i}.fake`);
+  const box = await page.getByRole("button", { name: "Keyboard shortcuts" }).boundingBox();
+  assert.ok(box.x + box.width <= 1280, "the tools are in the window");
+  await inBothThemes(page, "many");
+});
+
+test("with a finger controls are larger", { open: "giraffe.ply", media: ["giraffe.ply"], touch: true }, async ({ page }) => {
+  await tab(page, "giraffe.ply").waitFor();
+  const { height } = await page.getByRole("button", { name: "Undo" }).boundingBox();
+  assert.ok(height >= 36, `${height} px`);
+  await screenshot(page, "touch");
 });

@@ -78,6 +78,9 @@ export const listFolder = (path?: string) =>
 /** Opens a file as a document, or finds the one that is open. */
 export const openFile = (path: string) => post("/api/open", { path }) as Promise<DocumentInfo>;
 
+/** Closes a document in all windows; what is not saved is kept for the next time. */
+export const closeDocument = (document: string) => post("/api/close", { document });
+
 /** The address of the page with a token for one more window, of this browser or another. */
 export async function newLink(): Promise<string> {
   const { token } = (await post("/api/link", {})) as { token: string };

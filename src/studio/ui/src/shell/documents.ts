@@ -1,7 +1,7 @@
 // The open documents: one tab each. Which are open is kept with the window, so that a reload shows them again.
 import { computed, effect, signal } from "@preact/signals";
 import type { WorkspacePage } from "../workspace";
-import { openFile, Refused, serverState, upload, type DocumentInfo, type ServerState } from "./api";
+import { closeDocument, openFile, Refused, serverState, upload, type DocumentInfo, type ServerState } from "./api";
 import { notify } from "./notices";
 import { SocketConnection } from "./socket_connection";
 
@@ -48,6 +48,12 @@ export function add(info: DocumentInfo) {
   const found = documents.value.some((open) => open.info.document === info.document);
   if (!found) documents.value = [...documents.value, open(info)];
   show(info.document);
+}
+
+/** Closes a document in all windows; what is not saved is kept for the next time. */
+export async function closeEverywhere(document: string): Promise<void> {
+  await attempt(() => closeDocument(document).then(() => undefined));
+  close(document);
 }
 
 /** Closes the tab; the document stays with the server and its files. */

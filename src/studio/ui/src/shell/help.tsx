@@ -39,8 +39,8 @@ export function About() {
         anywhere else.
       </p>
       <p class="muted">
-        The page contains Preact, three.js, three-mesh-bvh, Konva, uPlot, Lit and Web Awesome (MIT). Their notices:{" "}
-        <a href="main.js.LEGAL.txt" target="_blank" rel="noreferrer">main.js.LEGAL.txt</a>.
+        The page contains Preact, three.js, three-mesh-bvh, Konva, uPlot, Lit and Web Awesome. Their licenses:{" "}
+        <a href="NOTICES.txt" target="_blank" rel="noreferrer">NOTICES.txt</a>.
       </p>
     </Dialog>
   );

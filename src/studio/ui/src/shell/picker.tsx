@@ -17,10 +17,11 @@ export function Picker() {
   const [at, setAt] = useState(0);
   const enter = (path?: string) => {
     setProblem(null);
+    // Now rather than with the answer: what is typed meanwhile counts.
+    setFilter("");
+    setAt(0);
     return listFolder(path).then((next) => {
       setListing(next);
-      setFilter("");
-      setAt(0);
       lastFolder.value = next.path;
     }, (error: unknown) => {
       if (path !== undefined && listing === null) void enter();

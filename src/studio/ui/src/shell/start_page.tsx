@@ -1,7 +1,7 @@
 // The page shown where no document is: open, recent documents, an example of each workspace.
 import { overlay } from "./commands";
-import { Button, Icon } from "./components";
-import { locked, openPath, server } from "./documents";
+import { Button, Icon, ToolButton } from "./components";
+import { add, closeEverywhere, locked, openPath, server } from "./documents";
 import { workspaceIcon } from "./top_bar";
 
 const PURPOSE: Record<string, string> = {
@@ -26,6 +26,7 @@ export function StartPage() {
         </div>
         <div class="start-columns">
           <section aria-labelledby="start-recent">
+            <OpenList />
             <h2 id="start-recent">Recent</h2>
             <RecentList />
             <p class="drop-hint"><Icon name="upload" /> Or drop files anywhere in this window</p>
@@ -52,9 +53,32 @@ export function StartPage() {
   );
 }
 
+/** What the program has open, in this window or another. */
+function OpenList() {
+  const open = server.value?.documents ?? [];
+  if (open.length === 0) return null;
+  return (
+    <>
+      <h2 id="start-open">Open</h2>
+      <ul class="recent" aria-labelledby="start-open">
+        {open.map((info) => (
+          <li key={info.document} class="row">
+            <button type="button" class="recent-entry" title={info.path} onClick={() => add(info)}>
+              <Icon name={workspaceIcon(info.workspace)} />
+              <span class="grow ellipsis">{info.name}</span>
+            </button>
+            <ToolButton icon="close" label={`Close ${info.name} in all windows`} tip="left" onClick={() => void closeEverywhere(info.document)} />
+          </li>
+        ))}
+      </ul>
+    </>
+  );
+}
+
 function RecentList() {
-  const recent = server.value?.recent ?? [];
-  if (recent.length === 0) return <p class="empty">Documents that you open are listed here.</p>;
+  const open = server.value?.documents.map(({ path }) => path) ?? [];
+  const recent = (server.value?.recent ?? []).filter(({ path }) => !open.includes(path));
+  if (recent.length === 0) return <p class="empty">Documents that you opened are listed here.</p>;
   return (
     <ul class="recent">
       {recent.map(({ path, workspace }) => (

@@ -71,7 +71,7 @@ function DocumentTab({ document: { info, connection }, current }: { document: Op
   const unsaved = steps.length > 0 && at !== savedAt;
   return (
     <span class={`document-tab ${current ? "current" : ""}`}>
-      <button type="button" class="document-name" aria-current={current ? "page" : undefined} onClick={() => show(info.document)}
+      <button type="button" class="document-name" title={info.path} aria-current={current ? "page" : undefined} onClick={() => show(info.document)}
         onAuxClick={(event) => event.button === 1 && close(info.document)}>
         <Icon name={workspaceIcon(info.workspace)} />
         <span class="ellipsis">{info.name}</span>

@@ -3,7 +3,7 @@
 /** At most `digits` after the point, without trailing zeros; small numbers keep three figures. Empty where there is none. */
 export function formatNumber(value: number | null | undefined, digits = 3): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return "";
-  if (value !== 0 && Math.abs(value) < 0.5 * 10 ** -digits) return value.toExponential(2).replace("e-", "e−");
+  if (value !== 0 && Math.abs(value) < 0.5 * 10 ** -digits) return value.toExponential(2).replace(/\.?0+e/, "e").replaceAll("-", "−");
   const text = value.toFixed(digits);
   return (text.includes(".") ? text.replace(/\.?0+$/, "") : text).replace(/^-0$/, "0").replace("-", "−");
 }

@@ -96,7 +96,7 @@ function Numbers({ playback, onDuration, onFrameRate }: TimelineProps) {
       <NumberInput label="Frame" value={frame} min={0} max={Math.round(playback.duration.value * rate)} digits={0} onChange={(f) => playback.seek(f / rate)} />
       {onDuration
         ? <NumberInput label="Duration" unit="s" value={playback.duration.value} min={1 / rate} max={3600} step={0.1} onChange={onDuration} />
-        : <span>of {formatNumber(playback.duration.value, 2)} s</span>}
+        : <span>of {playback.duration.value * rate < 1 ? 0 : formatNumber(playback.duration.value, 2)} s</span>}
       {onFrameRate
         ? <NumberInput label="Frames per second" unit="fps" value={rate} min={1} max={240} digits={2} onChange={onFrameRate} />
         : <span>{formatNumber(rate, 2)} fps</span>}
@@ -131,7 +131,7 @@ function Ruler({ label, playback }: TimelineProps) {
     <div class="timeline-row ruler-row">
       <span class="track-name" />
       <div ref={bar} class="ruler num" onPointerDown={onPointerDown} onPointerMove={(event) => { if (event.buttons & 1) scrub(event); }}>
-        {ticks(duration.value).map((at) => (
+        {ticks(duration.value, 1 / frameRate.value).map((at) => (
           <span key={at} class="tick" style={{ left: percent(at, duration.value) }}>{formatNumber(at, 2)}</span>
         ))}
         <div
@@ -249,9 +249,9 @@ function useKeyDrag({ timeKey, playback, selected = [], onSelect, onMove }: Time
 
 const percent = (time: number, duration: number) => `${duration > 0 ? (100 * time) / duration : 0}%`;
 
-/** About ten round times. */
-function ticks(duration: number): number[] {
-  if (!(duration > 0)) return [0];
+/** About ten round times, no closer than frames. */
+function ticks(duration: number, frame: number): number[] {
+  if (!(duration >= frame)) return [0];
   const power = 10 ** Math.floor(Math.log10(duration / 10));
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((width) => duration / width <= 12) ?? duration;
   return Array.from({ length: Math.floor(duration / step + 1e-9) + 1 }, (_, i) => i * step);
