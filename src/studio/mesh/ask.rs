@@ -87,7 +87,9 @@ fn schema() -> Result<Answer, StudioError> {
 
 fn format_named(name: &str) -> Result<MeshFormat, StudioError> {
     let format = MeshFormat::of_name(Path::new(&format!("x.{name}"))).filter(|f| *f != MeshFormat::Medit);
-    format.ok_or_else(|| StudioError::request(format!("`{name}` is no format to write (expected obj, ply, off, stl, gltf or glb)")))
+    format.ok_or_else(|| {
+        StudioError::request(format!("`{name}` is no format to write (expected obj, ply, off, stl, gltf or glb)"))
+    })
 }
 
 fn stem(pipeline: &PipelineText) -> String {
@@ -132,7 +134,8 @@ fn export_frames(asked: &mut Asked<'_>, format: &str, seconds: Option<f64>) -> R
         let bytes = encode_model(&moved, of, &WriteOptions::default(), asked.run).map_err(method)?;
         files.push((format!("{stem}-deformed_{k:04}.{format}"), bytes));
     }
-    let bytes = tar::archive(&files).ok_or_else(|| StudioError::request("the name of the mesh is too long for an archive"))?;
+    let bytes =
+        tar::archive(&files).ok_or_else(|| StudioError::request("the name of the mesh is too long for an archive"))?;
     Ok(Answer::Download { name: format!("{stem}-frames.tar"), bytes })
 }
 

@@ -104,7 +104,8 @@ fn select(mut next: MeshDocument, edit: Edit, surface: &Surface<'_>) -> Result<S
         }
         Edit::SelectConnected => (follow(Follow::Component), Combine::Replace, "Select connected".to_owned(), false),
         Edit::SelectRings { rings } => {
-            let how = if rings < 0 { Follow::Shrink(rings.unsigned_abs() as usize) } else { Follow::Grow(rings as usize) };
+            let how =
+                if rings < 0 { Follow::Shrink(rings.unsigned_abs() as usize) } else { Follow::Grow(rings as usize) };
             let label = if rings < 0 { "Shrink selection" } else { "Grow selection" };
             (follow(how), Combine::Replace, label.to_owned(), false)
         }
@@ -291,7 +292,9 @@ fn change_handle(mut next: MeshDocument, edit: Edit, surface: &Surface<'_>) -> R
         }
         Edit::SetWeight { handle, weight } => {
             if let Some(weight) = weight.filter(|w| !(*w > 0.0 && *w <= 1e12)) {
-                return Err(StudioError::request(format!("the weight {weight} is invalid (expected above 0, up to 1e12)")));
+                return Err(StudioError::request(format!(
+                    "the weight {weight} is invalid (expected above 0, up to 1e12)"
+                )));
             }
             let of = next.handle_mut(handle)?;
             of.mesh.weight = weight;
@@ -405,7 +408,8 @@ fn placed(
     }
     if let (Some(axis), Some(angle)) = (axis, angle_deg) {
         let axis = UnitVector3::try_new(Vector3::from(axis), 1e-100).filter(|a| a.iter().all(|c| c.is_finite()));
-        let axis = axis.ok_or_else(|| StudioError::request("the axis is no direction: give a vector that is not zero"))?;
+        let axis =
+            axis.ok_or_else(|| StudioError::request("the axis is no direction: give a vector that is not zero"))?;
         if !(angle.abs() <= 36_000.0) {
             return Err(StudioError::request(format!("the angle {angle}° is invalid (expected −36000 to 36000)")));
         }

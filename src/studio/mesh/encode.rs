@@ -129,8 +129,7 @@ mod tests {
         let moved = ball.with_positions(ball.positions().iter().map(|p| p + far).collect()).unwrap();
         let solvable = SolvableMesh::new(&moved, &Run::default()).unwrap();
         let mut encoder = Encoder::new(&moved, &solvable);
-        let (points, normals) =
-            decoded(&encoder.positions(&solvable, solvable.mesh.positions()), moved.vertex_count());
+        let (points, normals) = decoded(&encoder.positions(&solvable, solvable.mesh.positions()), moved.vertex_count());
         for ((p, n), expected) in points.iter().zip(&normals).zip(ball.positions()) {
             let p = Vector3::from(*p).map(f64::from);
             assert!((p - expected.coords).norm() < 1e-6, "{p} {expected}");

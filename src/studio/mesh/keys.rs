@@ -52,7 +52,9 @@ impl Motion {
             Some(rotation) if finite(&translation) && finite(rotation.coords.as_slice()) && finite(&scale) => {
                 Ok(Self { translation: translation.into(), rotation, scale: scale.into() })
             }
-            _ => Err(StudioError::request("the motion is invalid (expected finite numbers, and a rotation that is not zero)")),
+            _ => Err(StudioError::request(
+                "the motion is invalid (expected finite numbers, and a rotation that is not zero)",
+            )),
         }
     }
 
@@ -222,11 +224,8 @@ fn insert<K>(keys: &mut Vec<K>, key: K, time: impl Fn(&K) -> f64) -> Result<(), 
 /// # Errors
 /// [`StudioError::Request`] for a handle that is fixed.
 pub fn with_key(handle: &MeshHandle, rest: &[Point3<f64>], time: f64) -> Result<Track, StudioError> {
-    let nothing = Motion {
-        translation: Vector3::zeros(),
-        rotation: UnitQuaternion::identity(),
-        scale: Vector3::repeat(1.0),
-    };
+    let nothing =
+        Motion { translation: Vector3::zeros(), rotation: UnitQuaternion::identity(), scale: Vector3::repeat(1.0) };
     dragged(handle, &handle.track, rest, time, &nothing)
 }
 
@@ -246,7 +245,8 @@ pub fn retimed(track: &Track, time: impl Fn(f64) -> Option<f64>) -> Result<Track
     match track {
         Track::Still => Ok(Track::Still),
         Track::Rigid { pivot, keys, interpolation } => {
-            let moved = keys.iter().map(|k| (k.time, time(k.time), RigidKey { time: time(k.time).unwrap_or(0.0), ..*k }));
+            let moved =
+                keys.iter().map(|k| (k.time, time(k.time), RigidKey { time: time(k.time).unwrap_or(0.0), ..*k }));
             let keys = settled(moved.collect(), |k: &RigidKey| k.time)?;
             Ok(Track::Rigid { pivot: *pivot, keys, interpolation: *interpolation })
         }
@@ -261,8 +261,10 @@ pub fn retimed(track: &Track, time: impl Fn(f64) -> Option<f64>) -> Result<Track
 /// Keys after they were moved: those that stayed first, so that the moved ones take their place.
 fn settled<K>(moved: Vec<(f64, Option<f64>, K)>, time: impl Fn(&K) -> f64) -> Result<Vec<K>, StudioError> {
     let mut kept = Vec::with_capacity(moved.len());
-    let (still, moving): (Vec<_>, Vec<_>) =
-        moved.into_iter().filter(|m| m.1.is_some()).partition(|(from, to, _)| to.is_some_and(|to| same_time(*from, to)));
+    let (still, moving): (Vec<_>, Vec<_>) = moved
+        .into_iter()
+        .filter(|m| m.1.is_some())
+        .partition(|(from, to, _)| to.is_some_and(|to| same_time(*from, to)));
     for (_, to, key) in still.into_iter().chain(moving) {
         checked_time(to.unwrap_or(0.0))?;
         insert(&mut kept, key, &time)?;

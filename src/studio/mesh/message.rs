@@ -31,7 +31,7 @@ pub struct KeyId {
 
 /// A change of the document.
 #[derive(Debug, Deserialize)]
-#[cfg_attr(test, derive(ts_rs::TS), ts(optional_fields))]
+#[cfg_attr(test, derive(ts_rs::TS), ts(optional_fields = nullable))]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 #[expect(missing_docs, reason = "fields are what they are named; what they do is said of the edit")]
 pub enum Edit {
@@ -39,6 +39,7 @@ pub enum Edit {
     Select {
         vertices: Vec<u32>,
         #[serde(default)]
+        #[cfg_attr(test, ts(optional, as = "Option<Combine>"))]
         how: Combine,
         #[serde(default)]
         stroke: Option<bool>,
@@ -58,18 +59,21 @@ pub enum Edit {
         point: [f64; 3],
         normal: [f64; 3],
         #[serde(default)]
+        #[cfg_attr(test, ts(optional, as = "Option<Combine>"))]
         how: Combine,
     },
     /// A named set.
     SelectSet {
         name: String,
         #[serde(default)]
+        #[cfg_attr(test, ts(optional, as = "Option<Combine>"))]
         how: Combine,
     },
     /// The vertices of a handle.
     SelectHandle {
         handle: usize,
         #[serde(default)]
+        #[cfg_attr(test, ts(optional, as = "Option<Combine>"))]
         how: Combine,
     },
     /// The selection under a name.

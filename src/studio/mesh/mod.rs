@@ -102,8 +102,7 @@ impl MeshWorkspace {
 
     fn send_overlay(&mut self, document: &MeshDocument, out: &mut Outbox) -> Result<(), StudioError> {
         let cotangents = document.pipeline.settings().options.cotangents;
-        let values =
-            self.overlays.of(self.overlay.kind, &self.solver.solvable, self.solver.shown(), cotangents)?;
+        let values = self.overlays.of(self.overlay.kind, &self.solver.solvable, self.solver.shown(), cotangents)?;
         self.overlay.high = values.as_ref().map_or(0.0, |v| v.high);
         let scalars = values.map_or_else(Vec::new, |v| self.encoder.scalars(&v.values));
         out.buffer(BufferKind::Scalars.number(), 0, &scalars);
@@ -137,8 +136,7 @@ impl Workspace for MeshWorkspace {
     fn open(files: &mut DocumentFiles, run: &Run) -> Result<(Self, Self::Document), StudioError> {
         let pipeline = opened_pipeline(files)?;
         let path = files.confined(pipeline.mesh())?;
-        let limits =
-            ReadLimits { max_bytes: MAX_MESH_BYTES, max_elements: MAX_ELEMENTS, ..ReadLimits::default() };
+        let limits = ReadLimits { max_bytes: MAX_MESH_BYTES, max_elements: MAX_ELEMENTS, ..ReadLimits::default() };
         let input = |why: String| StudioError::Input { path: pipeline.mesh().to_owned(), why };
         let model = read_model(&path, &limits, run).map_err(|e| input(bare(&e)))?;
         if model.mesh().triangle_count() == 0 {
@@ -315,7 +313,9 @@ fn file_name(path: &Path) -> String {
 fn bare(error: &plumbline_shape::mesh::MeshError) -> String {
     use plumbline_shape::mesh::MeshError;
     match error {
-        MeshError::InFile { .. } => std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string),
+        MeshError::InFile { .. } => {
+            std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
+        }
         other => other.to_string(),
     }
 }

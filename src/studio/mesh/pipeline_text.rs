@@ -144,10 +144,13 @@ impl PipelineText {
     /// [`StudioError::Request`].
     pub fn with_output(&self, name: &str) -> Result<Self, StudioError> {
         let save = self.read.save.as_deref();
-        let save = save.ok_or_else(|| StudioError::request("the pipeline has no stage mesh.save that takes the result"))?;
+        let save =
+            save.ok_or_else(|| StudioError::request("the pipeline has no stage mesh.save that takes the result"))?;
         let file = Path::new(name).components().count() == 1 && Path::new(name).file_name().is_some();
         if !file {
-            return Err(StudioError::request(format!("`{name}` is not a file name (expected NAME.obj, beside the pipeline)")));
+            return Err(StudioError::request(format!(
+                "`{name}` is not a file name (expected NAME.obj, beside the pipeline)"
+            )));
         }
         self.edited(&[(save, "path", &literal_path(Path::new(name)).into())])
     }

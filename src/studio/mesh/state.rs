@@ -5,8 +5,8 @@ use serde::Serialize;
 
 use super::document::MeshDocument;
 use super::edit::kind_of;
-use super::message::HandleKind;
 use super::keys;
+use super::message::HandleKind;
 use super::overlay::Overlay;
 use super::solver::Solver;
 use plumbline_shape::mesh::Model;

@@ -8,9 +8,8 @@ use serde_json::{Value, json};
 
 use super::*;
 use plumbline_shape::mesh::{shapes, write_model};
-use plumbline_shape::surface::handle_file::HandleFile;
 use plumbline_shape::surface::KeyframedDeformer;
-
+use plumbline_shape::surface::handle_file::HandleFile;
 
 mod edits;
 mod files;

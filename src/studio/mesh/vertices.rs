@@ -70,7 +70,8 @@ pub fn inverted(vertices: &[u32], count: usize) -> Vec<u32> {
 /// [`StudioError::Request`] for a normal that is no direction.
 pub fn half_space(rest: &[Point3<f64>], point: [f64; 3], normal: [f64; 3]) -> Result<Vec<u32>, StudioError> {
     let normal = Vector3::from(normal).try_normalize(0.0).filter(|n| n.iter().all(|c| c.is_finite()));
-    let normal = normal.ok_or_else(|| StudioError::request("the normal is no direction: give a vector that is not zero"))?;
+    let normal =
+        normal.ok_or_else(|| StudioError::request("the normal is no direction: give a vector that is not zero"))?;
     let point = Point3::from(point);
     if !point.coords.iter().all(|c| c.is_finite()) {
         return Err(StudioError::request("the point of the plane is not finite"));

@@ -136,7 +136,7 @@ fn hostile_edits_are_refused_and_the_document_stays() {
         (json!({"do": "select", "vertices": [99_999]}), "no vertex 99999"),
         (json!({"do": "select", "vertices": [-1]}), "invalid value"),
         (json!({"do": "explode"}), "unknown variant"),
-        (json!({"do": "select_all", "and": 1}), "unknown field"),
+        (json!({"do": "reset", "handle": 0, "time": 1.0, "and": 1}), "unknown field"),
         (json!({"do": "select_half_space", "point": [0, 0, 0], "normal": [0, 0, 0]}), "no direction"),
         (json!({"do": "rename_handle", "handle": 7, "name": "x"}), "no handle 7 of 2"),
         (json!({"do": "rename_handle", "handle": 0, "name": "  "}), "1 to 200"),

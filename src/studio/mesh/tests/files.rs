@@ -72,7 +72,10 @@ fn comments_variables_and_other_stages_stay() {
 fn what_is_no_deformation_is_refused_with_the_reason() {
     let cases = [
         ("version = 1\n", "no stage"),
-        ("version = 1\n[stage.mesh]\nuse = \"mesh.load\"\npath = \"bar.obj\"\n[stage.out]\nuse = \"mesh.save\"\ninputs = [\"mesh\"]\npath = \"x.obj\"\n", "no stage mesh.deform"),
+        (
+            "version = 1\n[stage.mesh]\nuse = \"mesh.load\"\npath = \"bar.obj\"\n[stage.out]\nuse = \"mesh.save\"\ninputs = [\"mesh\"]\npath = \"x.obj\"\n",
+            "no stage mesh.deform",
+        ),
         ("version = 1\n[stage.mesh]\nuse = \"mesh.lode\"\n", "line"),
         ("version = ", "line 1"),
     ];

@@ -1,5 +1,5 @@
 // The gizmo: arrows, rings and boxes at a frame. Clicks go through it: only a drag is its own.
-import { Object3D, Quaternion, Vector3, type Camera, type Scene } from "three";
+import { Object3D, Quaternion, Vector3, type Camera, type PerspectiveCamera, type Scene } from "three";
 import { TransformControls } from "three/examples/jsm/controls/TransformControls.js";
 
 export type GizmoMode = "translate" | "rotate" | "scale";
@@ -70,6 +70,15 @@ export class Gizmo {
     this.controls.setTranslationSnap(snap?.translate ?? null);
     this.controls.setRotationSnap(snap ? (snap.rotateDeg * Math.PI) / 180 : null);
     this.controls.setScaleSnap(snap?.scale ?? null);
+  }
+
+  /** A point of the arrow, ring or box along x, in the scene; null where it is hidden. */
+  grip(): Vector3 | null {
+    if (!this.target) return null;
+    const camera = this.controls.camera as PerspectiveCamera;
+    const distance = this.frame.position.distanceTo(camera.position);
+    const unit = (distance * Math.min(1.9 * Math.tan((camera.fov * Math.PI) / 360), 7) * this.controls.size) / 4;
+    return new Vector3(0.4 * unit, 0, 0).applyQuaternion(this.frame.quaternion).add(this.frame.position);
   }
 
   /** Ends a drag where it began. */

@@ -161,6 +161,11 @@ export class Viewport {
     if (this.disposed) return;
     this.renderer.render(this.scene, this.rig.camera);
     this.drawn++;
+    // Where the gizmo can be grabbed, in pixels: for tests, which cannot see it.
+    const grip = this.gizmo.grip();
+    const at = grip && this.project(grip);
+    if (at) this.canvas.dataset.gizmo = `${Math.round(at.x)},${Math.round(at.y)}`;
+    else delete this.canvas.dataset.gizmo;
     for (const listener of this.frameListeners) listener();
   }
 
