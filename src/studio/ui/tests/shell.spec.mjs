@@ -63,7 +63,7 @@ test("the start page offers files, recent documents and examples", { open: ".", 
   await page.getByRole("heading", { name: "plumbline studio" }).waitFor();
   for (const example of [/giraffe/, /humanoid/, /room/i]) await page.getByRole("button", { name: example }).first().waitFor();
   await inBothThemes(page, "start");
-  await picture(page, "studio-start");
+  await picture(page, "start");
   await page.setViewportSize({ width: 1920, height: 1080 });
   await screenshot(page, "start-large");
 });
@@ -112,6 +112,7 @@ test("a file that is no document is refused with the reason, where it was chosen
 test("commands are found by a few letters and run by Enter", async ({ page }) => {
   await ready(page);
   await page.keyboard.press("Control+k");
+  await page.getByRole("combobox", { name: "Find a command" }).waitFor();
   await page.keyboard.type("drk");
   await page.getByRole("option", { name: /Dark theme/ }).waitFor();
   await audit(page, "palette");

@@ -1,6 +1,6 @@
 // Dialogs above everything; the browser keeps the focus inside.
 import type { ComponentChildren } from "preact";
-import { useEffect, useId, useRef } from "preact/hooks";
+import { useId, useLayoutEffect, useRef } from "preact/hooks";
 import { ToolButton } from "./button";
 
 /** A dialog, shown as long as it is rendered. Escape and the close button call `onClose`; a `form` with buttons goes in `actions`. */
@@ -17,7 +17,8 @@ export function Dialog(props: {
   const { title, onClose, children, actions, wide, modal } = props;
   const id = useId();
   const dialog = useRef<HTMLDialogElement>(null);
-  useEffect(() => {
+  // Before the next key: what is typed right after the shortcut belongs to the dialog.
+  useLayoutEffect(() => {
     const element = dialog.current;
     const before = document.activeElement as HTMLElement | null;
     element?.showModal();
