@@ -253,6 +253,10 @@ fn rebase(json: Json, property: &Json, base: Option<SourceId>, sources: &Sources
         (Some(folder), Json::String(path)) if property["format"] == "path" && !path.is_empty() && path != "-" => {
             to_text(folder.join(to_path(&path))).into()
         }
+        // A lens is a file or a word.
+        (Some(folder), Json::String(lens)) if property["format"] == "lens" && folder.join(to_path(&lens)).is_file() => {
+            to_text(folder.join(to_path(&lens))).into()
+        }
         (Some(_), Json::Array(list)) if property["format"] == "path" => {
             list.into_iter().map(|path| rebase(path, property, base, sources)).collect()
         }

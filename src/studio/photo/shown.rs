@@ -101,7 +101,8 @@ impl PhotoWorkspace {
             Some(lens) => lens,
             None => return Ok(()),
         };
-        let Some(lines) = self.lines_in_use(document) else { return Ok(()) };
+        // Before lines are found the first picture is shown without them.
+        let lines = self.lines_in_use(document).unwrap_or_default();
         let input = self.map_input(document, &lens, lines);
         self.lens = Some(lens);
         let importance = self.analysis.importance.clone();
@@ -115,11 +116,12 @@ impl PhotoWorkspace {
     /// The lens while something is dragged: the one that is known, unless the settings name another. Lines determine it at rest.
     fn draft_lens(&self, document: &PhotoDocument, run: &Run) -> Option<FoundLens> {
         let map = &document.pipeline.said().map;
-        if map.lens == "auto" && map.fov.is_none() {
-            return self.lens.clone();
-        }
         let request = LensRequest::of_rectify(map);
-        find_lens(&self.analysis.clues, &[], request, run).ok()
+        if map.lens != "auto" || map.fov.is_some() {
+            return find_lens(&self.analysis.clues, &[], request, run).ok();
+        }
+        let marked = || in_use(document).cloned().collect::<Vec<_>>();
+        self.lens.clone().or_else(|| find_lens(&self.analysis.clues, &marked(), request, run).ok())
     }
 
     /// The map at rest, by the calls of the pipeline's stages.

@@ -47,7 +47,7 @@ fn settings(document: &PhotoDocument) -> SettingsInfo {
     let path = plumbline_app::pipeline::paths::to_path(&said.save.path);
     SettingsInfo {
         to: said.map.to.to_string(),
-        lens: said.map.lens.clone(),
+        lens: lens_name(document),
         fov: said.map.fov,
         fov_axis: text(serde_json::to_value(said.map.fov_axis)),
         view: [said.map.view.yaw, said.map.view.pitch, said.map.view.roll],
@@ -59,6 +59,14 @@ fn settings(document: &PhotoDocument) -> SettingsInfo {
         path: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         quality: said.save.quality,
     }
+}
+
+/// The lens as it is written: a file of the pipeline's folder by its name.
+fn lens_name(document: &PhotoDocument) -> String {
+    let lens = &document.pipeline.said().map.lens;
+    let path = plumbline_app::pipeline::paths::to_path(lens);
+    let folder = plumbline_num::files::folder_of(document.pipeline.path());
+    path.strip_prefix(folder).map_or_else(|_| lens.clone(), |name| name.to_string_lossy().into_owned())
 }
 
 fn lens(found: &FoundLens) -> LensInfo {

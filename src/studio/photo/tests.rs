@@ -13,6 +13,7 @@ use plumbline_app::pipeline::progress::Silent;
 use plumbline_app::pipeline::{Source, read};
 use plumbline_app::stages::BuiltinStages;
 use plumbline_image::still::{Photo, rgb_of_frame};
+use plumbline_num::run::Interrupt;
 
 /// A folder with one photo of `media/`, and the workspace of what was opened in it.
 struct Bench {
@@ -122,6 +123,7 @@ fn what_the_saved_pipeline_writes_is_the_export_and_what_is_shown_is_made_of_the
     draw_room(&mut bench, 6);
     bench.done(json!({ "do": "set_lens", "lens": "room-kb-125.lens.json" }));
     bench.done(json!({ "do": "orient", "lines": [0], "orientation": "horizontal" }));
+    bench.rest();
     bench.done(json!({ "do": "add_face", "rect": [500.0, 300.0, 80.0, 90.0] }));
     let out = bench.rest();
     let state = bench.state();
@@ -205,8 +207,9 @@ fn a_drag_is_shown_at_once_from_the_last_map_and_at_rest_it_is_exact() {
 fn a_slice_that_is_stopped_changes_nothing_and_the_next_one_finishes() {
     let mut bench = Bench::of(&["room-kb-125.jpg", "room-kb-125.lens.json"]);
     bench.done(json!({ "do": "set_lens", "lens": "room-kb-125.lens.json" }));
-    let stopped = Run::default();
-    stopped.interrupt.stop();
+    let interrupt = Interrupt::new();
+    interrupt.stop();
+    let stopped = Run::with_interrupt(&interrupt);
     let mut slices = 0;
     for _ in 0..5 {
         let worked = bench.workspace.work(&bench.document, &mut Outbox::default(), &stopped);
