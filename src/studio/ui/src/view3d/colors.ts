@@ -57,7 +57,8 @@ export const linearByte = Uint8Array.from({ length: 256 }, (_, i) => {
 /** Colors of numbered things (handles, joints), the same for the same number; as CSS. They differ from the blue of the selection. */
 export function categoryColor(index: number): string {
   const [r, g, b] = categoryRgb(index);
-  return `rgb(${r} ${g} ${b})`;
+  // With commas: three reads no others.
+  return `rgb(${r}, ${g}, ${b})`;
 }
 
 const CATEGORIES: readonly [number, number, number][] = [

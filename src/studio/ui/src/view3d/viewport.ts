@@ -218,7 +218,7 @@ export class Viewport {
     if (event.key === "Escape" && (this.pointers.active || this.gizmo.dragging)) {
       this.pointers.cancel();
       this.gizmo.cancel();
-    } else if (event.key === "Home" || event.key === ".") this.fit();
+    } else if (event.key === "Home") this.fit();
     else if (!this.rig.onKey(event)) return;
     event.preventDefault();
     event.stopPropagation();

@@ -119,7 +119,7 @@ function Triple(props: { label: string; values: readonly number[]; step: number;
   const { label, values, step, onChange } = props;
   const set = (k: number, value: number) => onChange(values.map((old, i) => (i === k ? value : old)) as V3);
   return (
-    <fieldset class="triple">
+    <fieldset class="mesh-triple">
       <legend class="field-label">{label}</legend>
       <div class="row">
         {["x", "y", "z"].map((axis, k) => (

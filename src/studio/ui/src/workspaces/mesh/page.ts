@@ -72,22 +72,31 @@ export class MeshPage {
     });
   }
 
+  /** The clock and the server show the same time: the user's where the clock is moved, else the server's. */
   private followTime() {
     let sent: number | null = null;
-    // At first the clock shows what the server shows.
-    const { time, times } = this.state.peek();
-    this.playback.seek(time - times[0]);
-    return effect(() => {
-      const at = this.time.value;
-      if (this.playback.playing.value || sent === at) return;
-      const first = sent === null;
-      sent = at;
-      if (!first) this.connection.view({ time: at });
+    const same = (a: number, b: number) => Math.abs(a - b) <= 1e-9 * (1 + Math.abs(a));
+    const fromServer = effect(() => {
+      const { time, times } = this.state.value;
+      if (sent !== null && !same(sent, time)) return;
+      sent = null;
+      if (!this.playback.playing.peek() && !same(this.time.peek(), time)) this.playback.time.value = time - times[0];
     });
+    const fromClock = effect(() => {
+      const at = this.time.value;
+      if (this.playback.playing.value || same(at, this.state.peek().time)) return;
+      sent = at;
+      this.connection.view({ time: at });
+    });
+    return () => {
+      fromServer();
+      fromClock();
+    };
   }
 
   /** The time of the document that the timeline shows. */
-  readonly time = computed(() => this.playback.time.value + this.state.value.times[0]);
+  readonly time = computed(() => this.playback.time.value + this.firstKey.value);
+  private readonly firstKey = computed(() => this.state.value.times[0]);
 
   /** Sends an edit; what is wrong is shown. */
   edit(edit: Edit): Promise<void> {

@@ -42,18 +42,18 @@ function ToolOptions({ page }: { page: MeshPage }) {
   return (
     <>
       {tool === "brush" && (
-        <section class="tool-options" aria-label="Brush">
+        <section class="mesh-tool-options" aria-label="Brush">
           <SliderField label="Radius" unit="%" value={page.brushPercent.value} min={0.2} max={30} logarithmic digits={1}
             onInput={(v) => (page.brushPercent.value = v)} onChange={(v) => (page.brushPercent.value = v)} />
         </section>
       )}
       {tool === "lasso" && (
-        <section class="tool-options" aria-label="Lasso">
+        <section class="mesh-tool-options" aria-label="Lasso">
           <Toggle label="Only what is visible" checked={page.visibleOnly.value} onChange={(on) => (page.visibleOnly.value = on)} />
         </section>
       )}
       {page.snap.value && (
-        <section class="tool-options" aria-label="Snap">
+        <section class="mesh-tool-options" aria-label="Snap">
           {page.mode.value === "rotate"
             ? <Segmented label="Step" value={String(snap.rotateDeg)} options={steps([5, 15, 45], "°")} onChange={(v) => (page.snapSteps.value = { ...snap, rotateDeg: Number(v) })} />
             : page.mode.value === "scale"

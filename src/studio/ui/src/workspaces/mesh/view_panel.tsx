@@ -51,6 +51,9 @@ export function RegionPanel({ page }: { page: MeshPage }) {
   );
 }
 
+/** Energies below this fraction of the squared diagonal are rounding: the surface is at rest. */
+const NOTHING = 1e-14;
+
 const PHASES: Record<string, string> = {
   prefactor: "Factors the method", follow: "Follows the handles", settle: "Settles", exact: "Solves", frames: "Solves the frames", rest: "At rest",
 };
@@ -59,14 +62,16 @@ export function SolvePanel({ page }: { page: MeshPage }) {
   const { solve, frames, frames_ready, mesh } = page.state.value;
   const energies = page.energies.value;
   const [x, curves] = useMemo(() => {
-    const values = [...energies].map((e) => (e > 0 ? e : null));
+    const values = [...energies];
     return [values.map((_, i) => i), [{ label: "Energy", values }]] as const;
   }, [energies]);
   const facts: [string, string][] = [
     ["Energy", shown(solve.energy, 6)],
-    ["Iterations", solve.iterations === null ? "–" : `${solve.iterations}, ${solve.stop}`],
+    ["Iterations", solve.iterations === null ? "–" : String(solve.iterations)],
+    ["Ended", solve.stop ?? "–"],
     ["Distance from targets", shown(solve.constraint_error)],
-    ["Stretch, rms / worst", `${percent(solve.rms_stretch)} / ${percent(solve.worst_stretch)}`],
+    ["Mean stretch (rms)", percent(solve.rms_stretch)],
+    ["Worst stretch", percent(solve.worst_stretch)],
     ["Flipped faces", shown(solve.flipped, 0)],
     ["Volume", solve.volume_ratio === null ? "–" : percent(solve.volume_ratio)],
     ["Factorization", solve.prefactor_ms === null ? "–" : `${shown(solve.prefactor_ms, 1)} ms`],
@@ -77,8 +82,8 @@ export function SolvePanel({ page }: { page: MeshPage }) {
   return (
     <Panel title="Solve">
       <p role="status">{solve.error ? <span class="error-text">{solve.error}</span> : `${PHASES[solve.phase]}${solve.exact ? "" : " (preview)"}`}</p>
-      {x.length > 1 && <Plot label="Energy of the running solve" x={x} curves={curves} logarithmic={energies.every((e) => e > 0)} height={104} xLabel="iteration" />}
-      <dl class="facts num">
+      {x.length > 1 && energies.every((e) => e > NOTHING * mesh.diagonal ** 2) && <Plot label="Energy of the running solve" x={x} curves={curves} logarithmic height={104} xLabel="iteration" />}
+      <dl class="mesh-facts num">
         {facts.map(([name, value]) => <div key={name}><dt>{name}</dt><dd>{value}</dd></div>)}
       </dl>
       {mesh.repair.length + mesh.warnings.length > 0 && <Repair page={page} />}
@@ -91,7 +96,7 @@ function Repair({ page }: { page: MeshPage }) {
   return (
     <>
       <h3>For the solver the mesh was repaired</h3>
-      <ul class="repair">{[...repair, ...warnings].map((line) => <li key={line}>{line}</li>)}</ul>
+      <ul class="mesh-repair">{[...repair, ...warnings].map((line) => <li key={line}>{line}</li>)}</ul>
       <p class="hint">The file that is written keeps its vertices and faces.</p>
     </>
   );
