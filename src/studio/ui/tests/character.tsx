@@ -1,5 +1,5 @@
 // The character workspace against a played server: it has a character, records what it is sent, and changes nothing.
-import { render } from "preact";
+import { h, render } from "preact";
 import { signal } from "@preact/signals";
 import type { Connection, Incoming } from "../src/connection";
 import { commandsOf } from "../src/workspaces/character/commands";
@@ -69,5 +69,4 @@ window.addEventListener("keydown", (event) => {
   command.run();
 });
 Object.assign(window, { sent, character: page });
-const { View } = workspace;
-render(<div class="shell" style={{ gridTemplateRows: "1fr" }}><div class="workspace"><View connection={connection} /></div></div>, document.getElementById("studio")!);
+render(<div class="shell" style={{ gridTemplateRows: "1fr" }}><div class="workspace">{h(workspace.View, { connection })}</div></div>, document.getElementById("studio")!);

@@ -90,7 +90,7 @@ function ModeBar({ page }: { page: Page }) {
       <Toolbar label="Files">
         <ToolButton labelled icon="upload" label="Import" shortcut="Ctrl+I" onClick={() => page.actions.chooseImport()} />
         <ToolButton labelled icon="download" label="Export GLB" shortcut="Ctrl+E" onClick={() => page.actions.export("glb")} />
-        <ToolButton icon="terminal" label="Copy as command" shortcut="Ctrl+Shift+C" tip="left" onClick={() => page.actions.copyCommand()} />
+        <ToolButton icon="terminal" label="Copy as command" shortcut="Alt+Shift+C" tip="left" onClick={() => page.actions.copyCommand()} />
       </Toolbar>
     </div>
   );

@@ -246,6 +246,17 @@ export class Page {
     if (at) this.actions.addAlong(at.ray.origin, at.ray.direction);
   }
 
+  /** Moves the active joint in the plane that faces the viewer, by pixels: what a drag does. */
+  nudge(right: number, up: number) {
+    const view = this.scene?.view;
+    const joint = this.active;
+    if (!view || !joint) return;
+    const from = this.shownFrames.position(joint.index);
+    const to = from.clone().add(view.screenStep(from, right, up));
+    if (this.tab.value === "skeleton") this.actions.move(joint.index, to, true);
+    else if (this.inPose) this.actions.dragJoint(joint.index, [0, 0, 0], to, true);
+  }
+
   paintAtCenter() {
     const view = this.scene?.view;
     const hit = view?.pick(view.center());
