@@ -18,6 +18,7 @@
 mod document;
 #[cfg(test)]
 mod tests;
+mod write;
 
 use std::path::Path;
 

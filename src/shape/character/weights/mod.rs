@@ -15,6 +15,7 @@ mod bone_distance;
 mod distance;
 mod heat;
 mod mirror;
+mod paint;
 mod smooth;
 #[cfg(test)]
 mod tests;
@@ -24,6 +25,7 @@ mod welded;
 use serde::{Deserialize, Serialize};
 
 pub use mirror::{MirrorReport, Mirroring, mirror_joints_by_name};
+pub use paint::{Brush, BrushStroke};
 
 use super::{CharacterError, Skeleton, SkinWeights};
 use crate::mesh::TriMesh;
