@@ -1,6 +1,7 @@
 // What the page does, in words of the user; each becomes one message to the server.
 import { Quaternion, Vector3 } from "three";
 import type { Edit, ExtractionOptions, InterpolationKind, Limits, SkinningMethod, Target, V3, WeightMethod } from "./messages";
+import { rotationOfDeg } from "./frames";
 import type { Page } from "./page";
 import { upload } from "../../shell/api";
 
@@ -62,6 +63,7 @@ export class Actions {
 
   // Weights.
 
+  influences = (max: number) => void this.edit({ do: "influences", max });
   computeWeights = (options: { method: WeightMethod; influences: number; smooth: number }) =>
     void this.edit({ do: "compute_weights", method: options.method, influences: options.influences, smooth: options.smooth });
 
@@ -69,15 +71,27 @@ export class Actions {
 
   rotateTo(joint: number, rotation: Quaternion) {
     void this.edit({ do: "rotate", joint, rotation: [rotation.x, rotation.y, rotation.z, rotation.w] });
+    this.keyPosed([joint]);
   }
   translate = (joint: number, translation: V3) => void this.edit({ do: "translate", joint, translation });
   dragJoint(joint: number, point: V3, to: Vector3, final: boolean) {
     this.drag({ do: "drag", joint, point, to: this.model(to) }, final);
+    if (final) this.keyPosed(this.page.ancestors(joint));
+  }
+  /** What was posed becomes keys at the shown time, where that is wanted. */
+  private keyPosed(joints: readonly number[]) {
+    if (this.page.autoKey.value && this.page.tab.value === "animate" && this.page.state.value.clip !== null) this.key(joints, this.page.playback.time.value);
   }
   resetPose = (joints: readonly number[] | null) => void this.edit({ do: "reset_pose", joints: joints && [...joints] });
   mirrorPose = () => void this.edit({ do: "mirror_pose" });
   bakePose = () => void this.edit({ do: "bake_pose" });
-  addTarget = (joint: number, kind: Target["kind"]) => void this.edit({ do: "add_target", target: { joint, kind, at: this.model(this.page.posed.value.position(joint)), weight: 1 } });
+  pin = (joint: number, orientation: boolean) => void this.edit({ do: "pin", joint, orientation });
+  /** A target where the pose already meets it, so that nothing jumps. */
+  addTarget(joint: number, kind: Target["kind"]) {
+    const at = this.model(this.page.targetPoint(joint, kind));
+    void this.edit({ do: "add_target", target: { joint, kind, at, weight: 1 } }).then(() => (this.page.chosenTarget.value = this.page.state.value.targets.length - 1));
+  }
+  dragTarget = (index: number, target: Target, to: Vector3) => this.drag({ do: "set_target", index, target: { ...target, at: this.model(to) } }, false);
   setTarget = (index: number, target: Target) => void this.edit({ do: "set_target", index, target });
   removeTarget = (index: number) => void this.edit({ do: "remove_target", index });
   storePose = (name: string) => void this.edit({ do: "store_pose", name });
@@ -107,7 +121,17 @@ export class Actions {
     if (final) void this.edit({ do: "move_keys", keys: ids.map(parseKey), by });
   }
   moveCurveKey(id: string, time: number, value: number, final: boolean) {
-    void [id, time, value, final];
+    const [joint, from] = parseKey(id);
+    const track = this.page.state.value.tracks.find((t) => t.joint === joint);
+    const i = track?.times.indexOf(from) ?? -1;
+    if (!track || i < 0) return;
+    const vector = this.page.keyVector(track, i);
+    vector["xyz".indexOf(id[0]!)] = value;
+    const { x, y, z, w } = rotationOfDeg(vector);
+    this.drag({ do: "set_key", joint, time: from, rotation: [x, y, z, w] }, final);
+    if (!final || time === from) return;
+    void this.edit({ do: "move_keys", keys: [[joint, from]], by: time - from });
+    this.page.selectedKeys.value = [`${id[0]}:${joint}@${time}`];
   }
 
   togglePin(vertex: number) {
@@ -147,8 +171,9 @@ export class Actions {
     this.drag({ do: "rotate", joint, rotation: [rotation.x, rotation.y, rotation.z, rotation.w] }, final);
   }
 
-  endDrag() {
+  endDrag(rotated?: number) {
     this.page.connection.seal();
+    if (rotated !== undefined) this.keyPosed([rotated]);
   }
 
   cancelDrag() {

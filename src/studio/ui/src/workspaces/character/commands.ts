@@ -79,10 +79,12 @@ function pose(page: Page): ModeCommand[] {
   const active = () => chosen(page);
   const group = "Pose";
   const { actions } = page;
-  const kind = (id: "position" | "orientation" | "pole" | "look_at", title: string, shortcut: string): Command =>
+  const kind = (id: "pole" | "look_at", title: string, shortcut: string): Command =>
     ({ id: `target-${id}`, title, group, shortcut, enabled: active, run: () => actions.addTarget(page.active!.index, id) });
   return of(["pose", "animate"], [
-    kind("position", "Pin joint", "P"), kind("orientation", "Keep orientation", "Shift+O"), kind("pole", "Add pole", "Shift+L"), kind("look_at", "Look at", "L"),
+    { id: "pin", title: "Pin joint, or let it go", group, shortcut: "P", enabled: active, run: () => actions.pin(page.active!.index, false) },
+    { id: "pin-flat", title: "Pin position and orientation", group, shortcut: "Shift+P", enabled: active, run: () => actions.pin(page.active!.index, true) },
+    kind("pole", "Add pole", "Shift+L"), kind("look_at", "Look at", "L"),
     { id: "bake", title: "Keep pose, remove targets", group, shortcut: "B", run: () => actions.bakePose() },
     { id: "reset-joint", title: "Reset joints", group, shortcut: "R", enabled: active, run: () => actions.resetPose(page.selected.value) },
     { id: "reset-pose", title: "Reset pose", group, shortcut: "Shift+R", run: () => actions.resetPose(null) },

@@ -6,7 +6,7 @@ import { createPlayback, type Playback } from "../../shell/components";
 import { Actions } from "./actions";
 import { Frames, skinMatrices, vectorDeg } from "./frames";
 import type { ArcFrame, LimitShape } from "./limit_arcs";
-import type { BrushOp, JointState, Limits, SkinningMethod, State, V3 } from "./messages";
+import type { BrushOp, JointState, Limits, SkinningMethod, State, Target, Track, V3 } from "./messages";
 import { receive } from "./received";
 import type { PoseActions } from "./pose_tools";
 import type { Scene } from "./scene";
@@ -51,6 +51,10 @@ export class Page {
   readonly onion = { on: signal(false), count: signal(2), spacing: signal(5) };
   readonly autoKey = signal(false);
   readonly curves = signal(true);
+  /** The duration that the user asked for; a clip that is longer is shown whole. */
+  readonly length = signal(2);
+  /** The target that is moved by the gizmo. */
+  readonly chosenTarget = signal<number | null>(null);
   readonly chosenPose = signal<string | null>(null);
   readonly selectedKeys = signal<readonly string[]>([]);
   readonly playback: Playback = createPlayback({ duration: 2, frameRate: 30 });
@@ -67,7 +71,6 @@ export class Page {
   readonly onionPoses = signal<readonly OnionPose[]>([]);
   readonly comparedShapes = signal<ReadonlyMap<string, Shape>>(new Map());
   readonly comparing = signal<readonly SkinningMethod[]>(["linear", "dual-quaternion", "centers", "mixed"]);
-  readonly samples = signal<readonly { time: number; vector: readonly number[] }[]>([]);
 
   readonly state: ReadonlySignal<State>;
   readonly joints: ReadonlySignal<readonly JointInfo[]>;
@@ -86,6 +89,9 @@ export class Page {
   open(): () => void {
     const stops = receive(this);
     stops.push(effect(() => {
+      this.playback.duration.value = Math.max(this.length.value, this.state.value.duration);
+    }));
+    stops.push(effect(() => {
       // Joints that are gone are not chosen any more.
       const count = this.joints.value.length;
       if (this.selected.value.some((j) => j >= count)) this.selected.value = this.selected.value.filter((j) => j < count);
@@ -98,6 +104,38 @@ export class Page {
 
   select(joints: readonly number[]) {
     this.selected.value = joints;
+    this.chosenTarget.value = null;
+  }
+
+  /** A joint and all above it. */
+  ancestors(joint: number): number[] {
+    const found: number[] = [];
+    for (let at: number | null = joint; at !== null && !found.includes(at); at = this.joints.value[at]?.parent ?? null) found.push(at);
+    return found;
+  }
+
+  /** The rotation from rest of a key, degrees. */
+  keyVector(track: Track, i: number): [number, number, number] {
+    return vectorDeg(new Quaternion(...(track.rotations[i] ?? [0, 0, 0, 1])));
+  }
+
+  /** Where a new target of a joint is: where it is met already. */
+  targetPoint(joint: number, kind: Target["kind"]): Vector3 {
+    const frames = this.posed.value;
+    const at = frames.position(joint);
+    if (kind === "look_at") return at.add(new Vector3(0, 0, 0.4 * this.diagonal).applyQuaternion(frames.rotation(joint)));
+    const [, middle, root] = this.ancestors(joint);
+    if (kind !== "pole" || middle === undefined || root === undefined) return at;
+    const elbow = frames.position(middle);
+    const out = elbow.clone().sub(at.clone().add(frames.position(root)).divideScalar(2));
+    if (out.length() < 1e-3 * this.diagonal) out.set(0, 0, 1).applyQuaternion(frames.rotation(root));
+    return elbow.add(out.normalize().multiplyScalar(0.25 * this.diagonal));
+  }
+
+  /** A point of the model in the scene. */
+  scenePoint(at: V3): Vector3 {
+    const c = this.state.value.mesh.center;
+    return new Vector3(at[0] - c[0], at[1] - c[1], at[2] - c[2]);
   }
 
   choose(joint: number | null, more: boolean) {

@@ -48,7 +48,30 @@ function compared(page: Page, item: number, payload: ArrayBuffer) {
   if (method && found) page.comparedShapes.value = new Map(page.comparedShapes.peek()).set(method, found);
 }
 
+/** Milliseconds between two times that are asked for while a clip plays. */
+const TIME_MS = 30;
+
+/** At most one call in that time; the last value is never lost. */
+function throttled<T>(send: (value: T) => void): (value: T) => void {
+  let [last, timer] = [-Infinity, 0];
+  return (value) => {
+    clearTimeout(timer);
+    const wait = TIME_MS - (performance.now() - last);
+    const go = () => {
+      last = performance.now();
+      send(value);
+    };
+    if (wait <= 0) go();
+    else timer = window.setTimeout(go, wait);
+  };
+}
+
 /** What this window looks at. */
 function look(page: Page): (() => void)[] {
-  return [effect(() => page.connection.view({ tab: page.tab.value, joint: page.active?.index ?? null })), effect(() => page.connection.view({ time: page.playback.time.value }))];
+  const sendTime = throttled((time: number) => page.connection.view({ time }));
+  return [effect(() => page.connection.view({ tab: page.tab.value, joint: page.active?.index ?? null })), effect(() => sendTime(page.playback.time.value)),
+    effect(() => {
+      const on = page.tab.value === "animate" && page.onion.on.value;
+      page.connection.view({ onion: on ? [page.onion.count.value, page.onion.spacing.value / page.playback.frameRate.value] : [0, 0] });
+    })];
 }

@@ -10,6 +10,7 @@ import { LimitArcs, type ArcLabel } from "./limit_arcs";
 import { OnionSkins } from "./onion";
 import type { Page } from "./page";
 import { poseTool } from "./pose_tools";
+import { TargetMarks } from "./targets";
 import { skeletonTool } from "./skeleton_tools";
 
 /** A text over the view, at a point of it. */
@@ -24,6 +25,7 @@ export class Scene {
   readonly labels = computed(() => [...this.arcLabels.value, ...this.compareLabels.value]);
   readonly joints: JointLines;
   private readonly arcs: LimitArcs;
+  private readonly targets: TargetMarks;
   private readonly onions: OnionSkins;
   private readonly sides: SideBySide;
   private readonly stops: (() => void)[] = [];
@@ -33,6 +35,7 @@ export class Scene {
   constructor(readonly page: Page, readonly view: Viewport) {
     this.joints = view.addJoints();
     this.arcs = new LimitArcs(view, { swing: cssColor("--data-5"), twist: cssColor("--data-4") });
+    this.targets = new TargetMarks(view, "#e0762f");
     this.onions = new OnionSkins(view);
     this.sides = new SideBySide(view);
     this.brush = this.weightBrush();
@@ -45,6 +48,7 @@ export class Scene {
     follow(() => this.showWeights());
     follow(() => this.showLimits());
     follow(() => this.showRings());
+    follow(() => this.showTargets());
     follow(() => this.showOnions());
     follow(() => this.showComparison());
     follow(() => this.chooseTool());
@@ -120,6 +124,18 @@ export class Scene {
     const { page } = this;
     const joint = page.active;
     const { gizmo } = this.view;
+    const chosen = page.chosenTarget.value;
+    const target = chosen === null ? undefined : page.state.value.targets[chosen];
+    if (chosen !== null && target && page.inPose) {
+      gizmo.setMode("translate", "world");
+      const start = page.scenePoint(target.at);
+      let from = start;
+      return gizmo.attach({
+        position: start, quaternion: new Quaternion(), onStart: () => { from = page.scenePoint(page.state.peek().targets[chosen]?.at ?? target.at); },
+        onChange: ({ translation }) => page.actions.dragTarget(chosen, target, from.clone().add(translation)),
+        onEnd: () => page.actions.endDrag(),
+      });
+    }
     if (!joint || !["pose", "animate"].includes(page.tab.value) || !page.showJoints.value) return gizmo.attach(null);
     gizmo.setMode("rotate", "local");
     const frames = page.posed.value;
@@ -129,8 +145,14 @@ export class Scene {
       quaternion: frames.rotation(joint.index),
       onStart: () => { start = page.posed.peek().rotation(joint.index); },
       onChange: ({ rotation }) => page.actions.rotateWorld(joint.index, rotation.clone().multiply(start), false),
-      onEnd: () => page.actions.endDrag(),
+      onEnd: () => page.actions.endDrag(joint.index),
     });
+  }
+
+  private showTargets() {
+    const { page } = this;
+    const targets = page.inPose ? page.state.value.targets.filter((t) => t.kind !== "orientation") : [];
+    this.targets.show(targets.map((t) => ({ at: page.scenePoint(t.at), joint: page.posed.value.position(t.joint) })), 0.015 * page.diagonal);
   }
 
   private showOnions() {
@@ -197,6 +219,7 @@ export class Scene {
     for (const stop of this.stops) stop();
     this.brush.dispose();
     this.arcs.dispose();
+    this.targets.dispose();
     this.onions.clear();
     this.sides.clear();
     if (this.page.scene === this) this.page.scene = null;

@@ -1,10 +1,9 @@
 // Animation: the clip, its keys on a timeline, curves of the chosen joint, onion skins.
 import { Button, cssColor, NumberField, Panel, Segmented, Select, TextField, theme, Timeline, Toggle, type Track as Row } from "../../../shell/components";
 import { CurveEditor, type CurveLine } from "../curves";
-import { rotationOfDeg, vectorDeg } from "../frames";
-import type { InterpolationKind, Track } from "../messages";
+import type { InterpolationKind } from "../messages";
 import type { Page } from "../page";
-import { Quaternion } from "three";
+import { samplesOf } from "../curve_samples";
 
 const KINDS: readonly { value: InterpolationKind; label: string; title: string }[] = [
   { value: "spline", label: "Spline", title: "Quaternion splines: smooth through the keys" },
@@ -65,7 +64,7 @@ export function AnimateBottom({ page }: { page: Page }) {
       <Timeline label="Animation" playback={playback} tracks={rows} selected={selectedKeys.value} onSelect={(keys) => (selectedKeys.value = keys)}
         onMove={(keys, by, final) => actions.moveKeys(keys, by, final)} onDelete={(keys) => actions.removeKeys(keys)}
         onAdd={(time, track) => (track === undefined ? actions.keySelected() : actions.key([Number(track)], time))}
-        onTrack={(track) => page.select([Number(track)])} empty="No keys: pose a joint, then add a key" />
+        onTrack={(track) => page.select([Number(track)])} onDuration={(seconds) => (page.length.value = seconds)} onFrameRate={(rate) => (playback.frameRate.value = rate)} empty="No keys: pose a joint, then add a key" />
       {curves.length > 0 && (
         <div class="curve-pane">
           <div class="curve-legend">{curves.map((c) => <span key={c.id} class="row"><span class="swatch" style={{ background: c.color }} />{c.label}</span>)}</div>
@@ -83,14 +82,10 @@ function curvesOf(page: Page): CurveLine[] {
   const joint = page.active;
   const track = joint && page.state.value.tracks.find((t) => t.joint === joint.index);
   if (!joint || !track) return [];
-  const samples = page.samples.value;
+  const samples = samplesOf(track, page.playback.duration.value, SAMPLES);
   return ["x", "y", "z"].map((axis, k) => ({
     id: axis, label: `Rotation ${axis}`, color: cssColor(`--data-${[6, 3, 1][k]}`),
     samples: samples.map(({ time, vector }) => [time, vector[k] ?? 0] as const),
-    keys: track.times.map((time, i) => ({ id: `${axis}:${keyId(joint.index, time)}`, time, value: keyVector(track, i)[k] ?? 0 })),
+    keys: track.times.map((time, i) => ({ id: `${axis}:${keyId(joint.index, time)}`, time, value: page.keyVector(track, i)[k] ?? 0 })),
   }));
 }
-
-export const keyVector = (track: Track, i: number) => vectorDeg(new Quaternion(...(track.rotations[i] ?? [0, 0, 0, 1])));
-export const keyRotation = (vector: readonly [number, number, number]) => rotationOfDeg(vector);
-export { SAMPLES };

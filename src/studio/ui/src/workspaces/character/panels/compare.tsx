@@ -21,11 +21,11 @@ export function ComparePanel({ page }: { page: Page }) {
           <thead><tr><th scope="col">Method</th><th scope="col">Volume</th><th scope="col">Stretch</th></tr></thead>
           <tbody>
             {compare.map(({ method, volume, stretch }) => (
-              <tr key={method}><th scope="row">{SKINNING.find(({ value }) => value === method)?.label}</th><td>{formatNumber(100 * volume, 1)} %</td><td>{formatNumber(stretch, 3)}</td></tr>
+              <tr key={method}><th scope="row">{SKINNING.find(({ value }) => value === method)?.label}</th><td>{formatNumber(100 * volume, 1)} %</td><td>{formatNumber(100 * stretch, 1)} %</td></tr>
             ))}
           </tbody>
         </table>
-        <p class="hint">Volume as a fraction of that at rest; largest stretch of an edge.</p>
+        <p class="hint">Volume as a fraction of that at rest; mean change of edge lengths.</p>
       </Panel>
       <Panel title="Used for the document">
         <Select label="Skinning" value={skinning} options={SKINNING.filter(({ value }) => page.available(value))} onChange={(method) => page.actions.skinning(method)} />

@@ -14,7 +14,6 @@ export const SKINNING: readonly { value: SkinningMethod; label: string; title: s
   { value: "regression", label: "Regression", title: "As a trained model learnt from examples" },
 ];
 
-const chosenTarget = signal<number | null>(null);
 const newName = signal("");
 
 export function PosePanel({ page }: { page: Page }) {
@@ -53,6 +52,7 @@ const KINDS: Record<Target["kind"], string> = { position: "position", orientatio
 function TargetsPanel({ page }: { page: Page }) {
   const { actions, joints } = page;
   const { targets } = page.state.value;
+  const { chosenTarget } = page;
   const at = chosenTarget.value;
   const target = at === null ? undefined : targets[at];
   const joint = page.active;
@@ -71,9 +71,9 @@ function TargetsPanel({ page }: { page: Page }) {
         </>
       )}
       <div class="button-row">
-        <Button icon="pin" disabled={!joint} onClick={() => add("position")}>Pin</Button>
-        <Button disabled={!joint} onClick={() => add("orientation")}>Keep orientation</Button>
-        <Button disabled={!joint} onClick={() => add("pole")}>Pole</Button>
+        <Button icon="pin" disabled={!joint} title="It stays where it is while other joints move" onClick={() => joint && actions.pin(joint.index, false)}>Pin</Button>
+        <Button icon="lock" disabled={!joint} title="Position and orientation stay" onClick={() => joint && actions.pin(joint.index, true)}>Pin flat</Button>
+        <Button disabled={!joint} title="The limb that ends here bends toward a point" onClick={() => add("pole")}>Pole</Button>
         <Button icon="eye" disabled={!joint} onClick={() => add("look_at")}>Look at</Button>
       </div>
       <Button wide disabled={targets.length === 0} title="The pose stays; its targets go" onClick={() => actions.bakePose()}>Keep pose, remove targets</Button>

@@ -50,11 +50,11 @@ function ComputedPanel({ page }: { page: Page }) {
     <Panel title="Computed weights">
       <Select label="Method" value={weights.method} options={METHODS} onChange={(method) => page.actions.computeWeights({ ...weights, method })} />
       <NumberField label="Influences" title="Joints per vertex at most" value={weights.influences} min={1} max={64} digits={0}
-        onChange={(influences) => page.actions.computeWeights({ ...weights, influences })} />
+        onChange={(influences) => page.actions.influences(influences)} />
       <NumberField label="Smoothing" unit="×" value={weights.smooth} min={0} max={1000} digits={0}
         onChange={(smooth) => page.actions.computeWeights({ ...weights, smooth })} />
       <Button wide onClick={() => page.actions.computeWeights(weights)}>Compute again</Button>
-      <p class="hint">{weights.painted > 0 ? `${weights.painted} vertices are painted; computing again replaces them.` : "Not painted."}</p>
+      <p class="hint">{weights.painted > 0 ? "Painted, or read from a file: computing again replaces them." : "As computed; nothing is painted."}</p>
     </Panel>
   );
 }
