@@ -13,7 +13,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-
 use plumbline::num::run::Run;
 use plumbline::shape::mesh::{Model, ReadLimits, TriMesh, read_model, write_model};
 use plumbline::shape::surface::{Hierarchy, KeyframedDeformer, SolvableMesh};
@@ -179,7 +178,12 @@ impl Bench {
         self.workspace.save(&self.document, &mut self.files)?;
         self.files.publish()?;
         let expected = self.headless()?;
-        println!("1 s after rest: energy / headless  {:10.6}  ({}, {:.0} ms CPU)", energy / expected, state["solve"]["phase"], ms(spent));
+        println!(
+            "1 s after rest: energy / headless  {:10.6}  ({}, {:.0} ms CPU)",
+            energy / expected,
+            state["solve"]["phase"],
+            ms(spent)
+        );
         Ok(())
     }
 
@@ -243,4 +247,3 @@ fn resident() -> Result<f64, Failure> {
     let line = status.lines().find(|l| l.starts_with("VmRSS:")).ok_or("no VmRSS")?;
     Ok(line.split_whitespace().nth(1).ok_or("no size")?.parse::<f64>()? / 1e3)
 }
-
