@@ -76,15 +76,14 @@ fn pipeline(bytes: &[u8]) -> Result<Content, String> {
 }
 
 fn of_bytes(bytes: &[u8], extension: &str, path: &Path) -> Option<Content> {
-    if image::guess_format(bytes).is_ok() {
-        return Some(Content::Photo);
-    }
+    // By name first: the header of a binary STL is any 80 bytes.
     match extension {
         "glb" | "gltf" => Some(gltf(bytes, path)),
         "ply" | "off" | "obj" | "stl" => Some(Content::Mesh),
         "bvh" => Some(Content::Character),
         #[cfg(any(test, debug_assertions))]
         "fake" => Some(Content::Fake),
+        _ if image::guess_format(bytes).is_ok() => Some(Content::Photo),
         _ if bytes.starts_with(b"glTF") => Some(gltf(bytes, path)),
         _ if [b"ply\n".as_slice(), b"ply\r", b"OFF", b"solid "].iter().any(|magic| bytes.starts_with(magic)) => {
             Some(Content::Mesh)

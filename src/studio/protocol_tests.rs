@@ -54,3 +54,38 @@ fn replies_say_only_what_they_have() {
     assert_eq!(text(&ToPage::Notice(notice)), r#"{"notice":{"level":"warning","text":"t"}}"#);
     assert_eq!(text(&ToPage::ChangedOnDisk(vec!["a".into()])), r#"{"changedOnDisk":["a"]}"#);
 }
+
+/// All types, in the order of their file.
+fn typescript() -> String {
+    use ts_rs::TS as _;
+    let cfg = ts_rs::Config::default().with_large_int("number");
+    let types = [
+        DiskChoice::decl(&cfg),
+        FromPage::decl(&cfg),
+        Hello::decl(&cfg),
+        HistoryStep::decl(&cfg),
+        HistoryList::decl(&cfg),
+        Level::decl(&cfg),
+        Notice::decl(&cfg),
+        ToPage::decl(&cfg),
+        Download::decl(&cfg),
+        Reply::decl(&cfg),
+    ];
+    let types: Vec<String> = types.iter().map(|t| format!("export {t}\n")).collect();
+    format!(
+        "// Messages of every document. Written by a test of `src/studio`: REGENERATE=1 cargo test -p plumbline-studio\n\n\
+         /** Version of the messages. */\nexport const PROTO = {PROTO};\n\n{}",
+        types.join("\n")
+    )
+}
+
+#[test]
+fn the_types_of_the_page_are_those_of_the_messages() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("ui/src/generated/protocol.ts");
+    let text = typescript();
+    if std::env::var_os("REGENERATE").is_some() {
+        std::fs::write(&path, &text).expect("written");
+    }
+    let known = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(known == text, "{} is out of date: run this test with REGENERATE=1", path.display());
+}

@@ -54,6 +54,7 @@ mod sparse;
 mod stabilize;
 mod stabilizer;
 mod stitched;
+mod studio;
 mod support;
 mod surface;
 mod track;

@@ -57,7 +57,7 @@ pub(super) async fn state(State(studio): Shared) -> Json<Value> {
         "folders": studio.folders.named(),
         "documents": documents,
         "recent": studio.recent.that(|path| is_open_to(&studio, path)),
-        "examples": studio.examples,
+        "examples": examples::all(),
         "file": studio.file,
     }))
 }
@@ -97,10 +97,10 @@ pub(super) async fn open(State(studio): Shared, Json(request): Json<Open>) -> Re
 }
 
 fn begin_to_open(studio: &Studio, path: &str) -> Result<Arc<Document>, Box<Response>> {
-    let path = match examples::of(&studio.examples, path) {
-        Some(example) => studio
+    let path = match examples::find(path) {
+        Some((name, bytes)) => studio
             .uploads
-            .copy(&example.file, &example.beside)
+            .keep(name, &bytes)
             .map_err(|e| refusal(StatusCode::SERVICE_UNAVAILABLE, &format!("the example cannot be copied: {e}")))?,
         None => studio.folders.resolve(path).map_err(|why| refusal(StatusCode::NOT_FOUND, &why))?,
     };
@@ -138,8 +138,8 @@ pub(super) async fn files(State(studio): Shared, Query(query): Query<Files>) -> 
 }
 
 /// `GET /api/examples`.
-pub(super) async fn examples(State(studio): Shared) -> Response {
-    Json(&studio.examples).into_response()
+pub(super) async fn examples() -> Response {
+    Json(examples::all()).into_response()
 }
 
 /// `GET /api/recent`.

@@ -70,7 +70,6 @@ pub(crate) struct Studio {
     pub(crate) downloads: Arc<Downloads>,
     pub(crate) uploads: Uploads,
     pub(crate) recent: Recent,
-    pub(crate) examples: Vec<examples::Example>,
     /// The file that was named at start.
     pub(crate) file: Option<PathBuf>,
 }
@@ -137,7 +136,8 @@ impl Studio {
         let recovery = state.map(|folder| Recovery::in_folder(folder.join("recovery"))).transpose();
         let recovery = recovery.map_err(|e| environment("the folder of unsaved changes cannot be made", e))?;
         let uploads = Uploads::new(state).map_err(|e| environment("no folder for dropped files can be made", e))?;
-        let folders = Folders::new(&options.folders, uploads.folder())?;
+        let uploads = uploads.with_recovery(recovery.clone());
+        let folders = Folders::new(&options.folders, uploads.root())?;
         let downloads = Arc::<Downloads>::default();
         let surroundings = Surroundings {
             recovery,
@@ -152,7 +152,6 @@ impl Studio {
             downloads,
             uploads,
             recent: Recent::new(state.map(|folder| folder.join("recent.json"))),
-            examples: examples::find(&folders),
             folders,
             file: options.file,
         })

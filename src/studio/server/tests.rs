@@ -605,3 +605,16 @@ fn the_page_is_there_also_where_it_was_not_built() {
     assert!(text.contains("<!doctype html>") && !text.contains("<script>"), "{text}");
     assert!(text.contains("make studio") || text.contains("main.js"), "{text}");
 }
+
+#[test]
+fn an_example_is_opened_as_a_copy() {
+    let server = running();
+    let examples = server.get("/api/examples").json();
+    let shown: Vec<&str> = examples.as_array().expect("a list").iter().filter_map(|e| e["workspace"].as_str()).collect();
+    assert_eq!(shown, ["mesh", "character", "photo"]);
+    let answer = server.post("/api/open", &json!({ "path": "example:giraffe.ply" }));
+    assert_eq!(answer.status, 200, "{}", answer.json());
+    let path = answer.json()["path"].as_str().expect("a path").to_owned();
+    assert!(Path::new(&path).starts_with(server.folder.path().join("state/dropped")), "{path}");
+    assert_eq!(server.post("/api/open", &json!({ "path": "example:../Cargo.toml" })).status, 404);
+}

@@ -1,6 +1,7 @@
 //! Files dropped on the page, and copies of examples: kept in a folder of this session, of bounded size.
 //!
-//! The folder is removed at the end where only files that were dropped are in it; where something was saved beside them it stays.
+//! The folder is removed at the end where only files that were dropped are in it; where something was saved beside them, or changes
+//! of one are kept for the next time, it stays. Folders of earlier sessions may be read: what was dropped before a crash opens again.
 
 use std::collections::BTreeSet;
 use std::io::{self, Write as _};
@@ -17,7 +18,7 @@ use serde::Deserialize;
 
 use super::Studio;
 use super::api::refusal;
-use crate::recovery::{private_folder, private_temporary_folder};
+use crate::recovery::{Recovery, private_folder, private_temporary_folder};
 use plumbline_num::files::{AtomicFile, IfExists};
 
 /// Bytes of all files together: two large scans.
@@ -29,6 +30,10 @@ const MAX_FILES: u64 = 1000;
 #[derive(Debug)]
 pub(crate) struct Uploads {
     folder: PathBuf,
+    /// The folder of the folders of all sessions, where it is private; else that of this one.
+    root: PathBuf,
+    /// Where unsaved changes are kept.
+    recovery: Option<Recovery>,
     used: AtomicU64,
     count: AtomicU64,
     /// What was dropped, not saved.
@@ -43,9 +48,12 @@ impl Uploads {
         if state.is_some() {
             private_folder(&parent)?;
         }
+        let parent = parent.canonicalize()?;
         let folder = private_temporary_folder("session-", &parent)?.keep();
         Ok(Self {
+            root: if state.is_some() { parent } else { folder.clone() },
             folder,
+            recovery: None,
             used: AtomicU64::new(0),
             count: AtomicU64::new(0),
             dropped: Mutex::default(),
@@ -53,8 +61,15 @@ impl Uploads {
         })
     }
 
-    pub(crate) fn folder(&self) -> &Path {
-        &self.folder
+    /// Files with unsaved changes in here stay at the end.
+    pub(crate) fn with_recovery(mut self, recovery: Option<Recovery>) -> Self {
+        self.recovery = recovery;
+        self
+    }
+
+    /// What dropped files may be opened from.
+    pub(crate) fn root(&self) -> &Path {
+        &self.root
     }
 
     /// A path for a file of this name: each in a folder of its own, so that names do not meet.
@@ -85,14 +100,11 @@ impl Uploads {
         Ok(())
     }
 
-    /// A copy of a file, with those that belong to it.
-    pub(crate) fn copy(&self, file: &Path, beside: &[PathBuf]) -> io::Result<PathBuf> {
-        let target = self.target(&file.file_name().unwrap_or_default().to_string_lossy())?;
-        self.take(std::fs::copy(file, &target)?)?;
-        for other in beside {
-            let copy = target.with_file_name(other.file_name().unwrap_or_default());
-            self.take(std::fs::copy(other, copy)?)?;
-        }
+    /// A file of this content.
+    pub(crate) fn keep(&self, name: &str, content: &[u8]) -> io::Result<PathBuf> {
+        let target = self.target(name)?;
+        self.take(content.len() as u64)?;
+        std::fs::write(&target, content)?;
         Ok(target)
     }
 
@@ -119,7 +131,9 @@ impl Drop for Uploads {
         let only_dropped = |folder: &&&Path| {
             folder.read_dir().is_ok_and(|mut files| files.all(|f| f.is_ok_and(|f| dropped.contains(&f.path()))))
         };
-        for folder in folders.iter().filter(only_dropped) {
+        let unsaved = |file: &Path| self.recovery.as_ref().is_some_and(|recovery| recovery.has(file));
+        let kept: BTreeSet<_> = dropped.iter().filter(|file| unsaved(file)).filter_map(|file| file.parent()).collect();
+        for folder in folders.difference(&kept).filter(only_dropped) {
             let _ = std::fs::remove_dir_all(folder);
         }
         // Stays where something is in it.
@@ -138,5 +152,42 @@ pub(super) async fn upload(State(studio): State<Arc<Studio>>, Query(query): Quer
         Ok(path) => axum::Json(serde_json::json!({ "path": path })).into_response(),
         Err(e) if e.kind() == io::ErrorKind::QuotaExceeded => refusal(StatusCode::PAYLOAD_TOO_LARGE, &e.to_string()),
         Err(e) => refusal(StatusCode::UNPROCESSABLE_ENTITY, &format!("{}: {e}", query.name)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn uploads(folder: &Path, max_bytes: u64) -> Uploads {
+        Uploads { max_bytes, ..Uploads::new(Some(folder)).expect("a folder") }
+    }
+
+    fn receive(uploads: &Uploads, name: &str, content: &'static str) -> io::Result<PathBuf> {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
+        runtime.block_on(uploads.receive(name, Body::from(content)))
+    }
+
+    #[test]
+    fn files_beyond_the_bound_are_refused_and_leave_nothing() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let uploads = uploads(folder.path(), 10);
+        let first = receive(&uploads, "a.ply", "12345678").expect("8 of 10 bytes");
+        let refused = receive(&uploads, "b.ply", "123").expect_err("11 of 10 bytes");
+        assert_eq!(refused.kind(), io::ErrorKind::QuotaExceeded);
+        receive(&uploads, "c.ply", "12").expect("10 of 10 bytes");
+        let of_second = first.parent().and_then(Path::parent).expect("the folder").join("1");
+        assert_eq!(of_second.read_dir().expect("its folder").count(), 0, "no part of it stays");
+    }
+
+    #[test]
+    fn what_was_saved_beside_a_dropped_file_stays() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let uploads = uploads(folder.path(), 10);
+        let [dropped, saved] = ["a.ply", "b.ply"].map(|name| receive(&uploads, name, "1").expect("small"));
+        let beside = saved.with_file_name("b.deform.toml");
+        std::fs::write(&beside, "version = 1").expect("written");
+        drop(uploads);
+        assert!(!dropped.exists() && saved.exists() && beside.exists());
     }
 }

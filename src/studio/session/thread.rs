@@ -187,6 +187,8 @@ impl<W: Workspace> Session<W> {
         if let (Some(window), Some(id), false) = (&sender, id, asks) {
             window.applied(id);
         }
+        // Before the reply, so that who waits for rest after it does not see the rest before it.
+        self.show_working(self.busy);
         self.send_state();
         let (Some(window), Some(id)) = (sender, id) else {
             if let Err(error) = done {
