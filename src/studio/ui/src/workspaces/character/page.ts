@@ -61,7 +61,7 @@ export class Page {
 
   // What the server sent.
   readonly geometry = signal<Geometry | null>(null);
-  readonly skin = signal<SkinBuffers | null>(null);
+  readonly influences = signal<{ joints: Uint16Array; weights: Float32Array } | null>(null);
   readonly rest = signal(new Frames());
   readonly posed = signal(new Frames());
   /** The surface in the pose, where the server skins it. */
@@ -71,6 +71,13 @@ export class Page {
   readonly onionPoses = signal<readonly OnionPose[]>([]);
   readonly comparedShapes = signal<ReadonlyMap<string, Shape>>(new Map());
   readonly comparing = signal<readonly SkinningMethod[]>(["linear", "dual-quaternion", "centers", "mixed"]);
+
+  /** The skin for the joints that there are; none while weights and joints of two skeletons are on their way. */
+  readonly skin = computed<SkinBuffers | null>(() => {
+    const [found, jointCount] = [this.influences.value, this.jointCount.value];
+    return found && found.joints.every((j) => j < jointCount) ? { ...found, jointCount } : null;
+  });
+  private readonly jointCount = computed(() => this.rest.value.count);
 
   readonly state: ReadonlySignal<State>;
   readonly joints: ReadonlySignal<readonly JointInfo[]>;

@@ -16,7 +16,7 @@ export function receive(page: Page): (() => void)[] {
   let weights: Float32Array | null = null;
   let joints: Uint16Array | null = null;
   const skin = () => {
-    if (weights && joints && weights.length === joints.length) page.skin.value = weights.length === 0 ? null : { joints, weights, jointCount: page.rest.peek().count };
+    if (weights && joints && weights.length === joints.length) page.influences.value = weights.length === 0 ? null : { joints, weights };
   };
   const frames = (into: Signal<Frames>) => (payload: ArrayBuffer) => (into.value = new Frames(new Float32Array(payload)));
   return [

@@ -31,6 +31,7 @@ export class Scene {
   private readonly stops: (() => void)[] = [];
   private readonly brush: Tool & { dispose(): void };
   private fitted = false;
+  private drawn: Float32Array | null = null;
 
   constructor(readonly page: Page, readonly view: Viewport) {
     this.joints = view.addJoints();
@@ -61,7 +62,8 @@ export class Scene {
     if (!mesh) return;
     const { surface } = this.view;
     surface.setTopology(mesh.triangles, mesh.rest.length / 3);
-    surface.setPositions(mesh.rest);
+    this.drawn = null;
+    this.draw(mesh.rest);
     if (!this.fitted) {
       this.view.rig.setUp(untracked(() => this.page.state.value.mesh.up));
       this.view.fit();
@@ -84,19 +86,28 @@ export class Scene {
     const mesh = geometry.value;
     if (!mesh) return;
     const { surface } = this.view;
-    if (this.skinnedHere && skin.value) {
-      surface.setPositions(mesh.rest);
+    if (this.skinnedHere && skin.value && posed.value.count === skin.value.jointCount) {
+      this.draw(mesh.rest);
       surface.setJointMatrices(skinMatrices(posed.value, rest.value));
-    } else if (this.page.inPose && positions.value) surface.setPositions(positions.value.positions, positions.value.normals);
-    else surface.setPositions(mesh.rest);
+    } else if (this.page.inPose && positions.value) this.draw(positions.value.positions, positions.value.normals);
+    else this.draw(mesh.rest);
+  }
+
+  /** Positions of the surface, unless they are drawn already: their normals take time. */
+  private draw(positions: Float32Array, normals?: Int16Array) {
+    if (positions !== this.drawn) this.view.surface.setPositions(positions, normals);
+    this.drawn = positions;
   }
 
   private showJoints() {
     const { page } = this;
     void theme.value;
+    const frames = page.shownFrames;
+    // While a skeleton is on its way to the page, the last one is shown.
+    if (frames.count !== page.joints.value.length) return;
     const shown = page.showJoints.value && page.tab.value !== "compare";
-    this.joints.setVisible(shown);
-    this.joints.set(page.shownFrames.positions(), Int32Array.from(page.joints.value, (j) => j.parent ?? -1), {
+    this.joints.setVisible(shown && frames.count > 0);
+    this.joints.set(frames.positions(), Int32Array.from(page.joints.value, (j) => j.parent ?? -1), {
       bone: cssColor("--joint-bone") || "#e8edf2", joint: cssColor("--joint-dot") || "#f4f7fa", selected: cssColor("--accent"),
       selection: new Set(page.selected.value), colors: page.jointColors.value,
     });
