@@ -322,3 +322,17 @@ test("with a finger controls are larger", { open: "giraffe.ply", media: ["giraff
   assert.ok(height >= 36, `${height} px`);
   await screenshot(page, "touch");
 });
+
+test("a dropped file that was changed is there after the program was killed", async ({ page, server }) => {
+  await ready(page);
+  await drop(page, "dropped.fake", NUMBERS, ["drop"]);
+  await tab(page, "dropped.fake").waitFor();
+  await append(page, 4);
+  await new Promise((resolve) => setTimeout(resolve, 1500));
+  await server.kill();
+  await server.restart();
+  await page.locator(".banner").getByText("was started again").waitFor();
+  await page.goto(server.url);
+  await until(async () => (await page.locator(".banner").count()) === 0, "the banner to go");
+  assert.equal(await sum(page), 10);
+});

@@ -17,9 +17,6 @@ export function Picker() {
   const [at, setAt] = useState(0);
   const enter = (path?: string) => {
     setProblem(null);
-    // Now rather than with the answer: what is typed meanwhile counts.
-    setFilter("");
-    setAt(0);
     return listFolder(path).then((next) => {
       setListing(next);
       lastFolder.value = next.path;
@@ -28,15 +25,21 @@ export function Picker() {
       else setProblem(reasonOf(error));
     });
   };
+  // The filter ends now rather than with the answer: what is typed meanwhile counts.
+  const go = (path: string) => {
+    setFilter("");
+    setAt(0);
+    void enter(path);
+  };
   useEffect(() => void enter(lastFolder.peek() || undefined), []);
   const shown = (listing?.entries ?? []).filter((entry) => entry.name.toLowerCase().includes(filter.toLowerCase()));
   const choose = (entry: FolderEntry | undefined) => {
-    if (entry?.folder) return void enter(entry.path);
+    if (entry?.folder) return go(entry.path);
     if (!entry) return;
     setProblem(null);
     openFile(entry.path).then((info) => { close(); add(info); }, (error: unknown) => setProblem(reasonOf(error)));
   };
-  const up = () => listing?.parent !== null && listing?.parent !== undefined && void enter(listing.parent);
+  const up = () => listing?.parent !== null && listing?.parent !== undefined && go(listing.parent);
   const onKeyDown = (event: KeyboardEvent) => {
     const step = { ArrowDown: 1, ArrowUp: -1, PageDown: 10, PageUp: -10 }[event.key];
     if (step !== undefined) setAt(Math.min(shown.length - 1, Math.max(0, at + step)));
