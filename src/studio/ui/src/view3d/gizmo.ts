@@ -24,6 +24,9 @@ export class Gizmo {
   private readonly controls: TransformControls;
   private readonly frame = new Object3D();
   private target: GizmoTarget | null = null;
+  private started = false;
+  /** Whether the press has moved far enough to be a drag. */
+  isDrag: () => boolean = () => true;
   private readonly start = { position: new Vector3(), quaternion: new Quaternion() };
 
   constructor(camera: Camera, canvas: HTMLElement, scene: Scene, invalidate: () => void) {
@@ -32,8 +35,8 @@ export class Gizmo {
     scene.add(this.frame, this.controls.getHelper());
     this.controls.addEventListener("change", invalidate);
     this.controls.addEventListener("mouseDown", () => this.begin());
-    this.controls.addEventListener("objectChange", () => this.target?.onChange(this.change()));
-    this.controls.addEventListener("mouseUp", () => this.target?.onEnd?.());
+    this.controls.addEventListener("objectChange", () => this.moved());
+    this.controls.addEventListener("mouseUp", () => this.end());
   }
 
   /** Whether it has the pointer. */
@@ -85,7 +88,7 @@ export class Gizmo {
   cancel() {
     if (!this.controls.dragging) return;
     this.controls.reset();
-    this.target?.onChange(this.change());
+    if (this.started) this.target?.onChange(this.change());
     this.controls.pointerUp(null as never);
   }
 
@@ -93,7 +96,25 @@ export class Gizmo {
     this.start.position.copy(this.frame.position);
     this.start.quaternion.copy(this.frame.quaternion);
     this.frame.scale.set(1, 1, 1);
-    this.target?.onStart?.();
+    this.started = false;
+  }
+
+  /** A drag begins where the press is no click any more. */
+  private moved() {
+    if (!this.started && !this.isDrag()) return;
+    if (!this.started) this.target?.onStart?.();
+    this.started = true;
+    this.target?.onChange(this.change());
+  }
+
+  private end() {
+    if (this.started) {
+      this.target?.onEnd?.();
+    } else {
+      this.frame.position.copy(this.start.position);
+      this.frame.quaternion.copy(this.start.quaternion);
+    }
+    this.frame.scale.set(1, 1, 1);
   }
 
   private change(): GizmoChange {

@@ -28,6 +28,8 @@ export class VertexMarks {
   }
 
   set(vertices: Uint32Array) {
+    // Without the positions: disposing them would take the buffer from the surface.
+    this.geometry.deleteAttribute("position");
     this.geometry.dispose();
     this.points.visible = vertices.length > 0;
     if (vertices.length > 0) {

@@ -72,6 +72,11 @@ export class PointerRouter {
     if (this.mode === "tool") this.mode = null;
   }
 
+  /** Whether the press has moved too far to be a click. */
+  get dragged(): boolean {
+    return this.moved;
+  }
+
   get active(): boolean {
     return this.gesture !== null;
   }

@@ -42,6 +42,7 @@ export class Viewport {
     this.gizmo = new Gizmo(this.rig.camera, canvas, this.scene, () => this.invalidate());
     this.pointers = new PointerRouter(canvas, this.rig);
     this.pointers.gizmoTook = () => this.gizmo.dragging;
+    this.gizmo.isDrag = () => this.pointers.dragged;
     this.surface = this.addSurface();
     this.addLights();
     this.resize = new ResizeObserver(() => this.fitCanvas());

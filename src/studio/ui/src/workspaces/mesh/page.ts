@@ -84,7 +84,7 @@ export class MeshPage {
     });
     const fromClock = effect(() => {
       const at = this.time.value;
-      if (this.playback.playing.value || same(at, this.state.peek().time)) return;
+      if (this.playback.playing.value || same(at, sent ?? this.state.peek().time)) return;
       sent = at;
       this.connection.view({ time: at });
     });

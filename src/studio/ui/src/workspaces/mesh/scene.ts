@@ -11,6 +11,8 @@ import { type Drag, type MeshPage } from "./page";
 /** Owners that are no handles. */
 const FREE = 0;
 const OUTSIDE = 0xffff;
+/** Vertices of a handle or selection that are drawn as dots at most. */
+const MAX_DOTS = 1500;
 
 export class Scene {
   private readonly stops: (() => void)[] = [];
@@ -122,13 +124,15 @@ export class Scene {
       this.owners.forEach((owner, v) => { if (test(owner)) found.push(v); });
       return Uint32Array.from(found);
     };
+    // Dots of many vertices would cover the surface, which has the color of the handle anyway.
+    const few = (all: Uint32Array) => (all.length <= MAX_DOTS ? all : new Uint32Array());
     const isHandle = (owner: number) => owner !== FREE && owner !== OUTSIDE;
     this.marks.handles.setColor(cssColor("--muted"));
-    this.marks.handles.set(of((owner) => isHandle(owner) && owner - 1 !== active));
+    this.marks.handles.set(few(of((owner) => isHandle(owner) && owner - 1 !== active)));
     this.marks.active.setColor(categoryColor(active ?? 0));
-    this.marks.active.set(active === null ? new Uint32Array() : of((owner) => owner - 1 === active));
+    this.marks.active.set(active === null ? new Uint32Array() : few(of((owner) => owner - 1 === active)));
     this.marks.selection.setColor(cssColor("--accent-strong"));
-    this.marks.selection.set(this.selection.slice());
+    this.marks.selection.set(few(this.selection.slice()));
   }
 
   private attachGizmo() {
