@@ -65,6 +65,11 @@ impl Recovery {
         Ok((header.opened == opened).then_some(texts))
     }
 
+    /// Whether anything is kept for this document.
+    pub fn has(&self, opened: &Path) -> bool {
+        self.file(opened).exists()
+    }
+
     /// Keeps these texts for the document, in place of those before.
     ///
     /// # Errors
