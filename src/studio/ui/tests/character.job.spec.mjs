@@ -9,7 +9,7 @@ import { audit, inBothThemes, picture, test, until } from "./harness.mjs";
 const DIAGONAL = 2.4;
 
 const tree = (page) => page.getByRole("tree", { name: "Joints" });
-const joint = (page, name) => tree(page).getByRole("treeitem", { name: new RegExp(`^${name.replace(".", "\\.")}( pinned| limited)?$`) });
+const joint = (page, name) => tree(page).getByRole("treeitem", { name: new RegExp(`^${name.replace(".", "\\.")}( pinned| limited| looks| pole)?$`) });
 const tab = (page, name) => page.getByRole("tab", { name }).click();
 const saved = (page, text) => page.locator(".saved-state").getByText(text, { exact: true }).waitFor();
 const atRest = async (page) => {

@@ -130,7 +130,12 @@ export class Page {
   targetPoint(joint: number, kind: Target["kind"]): Vector3 {
     const frames = this.posed.value;
     const at = frames.position(joint);
-    if (kind === "look_at") return at.add(new Vector3(0, 0, 0.4 * this.diagonal).applyQuaternion(frames.rotation(joint)));
+    if (kind === "look_at") {
+      const children = this.joints.value.filter((other) => other.parent === joint);
+      const parent = this.joints.value[joint]?.parent ?? null;
+      const along = children.length === 1 ? frames.position(children[0]!.index).sub(at) : parent === null ? new Vector3(0, 0, 1) : at.clone().sub(frames.position(parent));
+      return at.addScaledVector(along.normalize(), 0.3 * this.diagonal);
+    }
     const [, middle, root] = this.ancestors(joint);
     if (kind !== "pole" || middle === undefined || root === undefined) return at;
     const elbow = frames.position(middle);
@@ -181,7 +186,8 @@ export class Page {
   }
 
   jointDetail(joint: number): string | undefined {
-    return this.state.value.targets.some((t) => t.joint === joint) ? "pinned" : this.joints.value[joint]?.limits ? "limited" : undefined;
+    const target = this.state.value.targets.find((t) => t.joint === joint);
+    return target ? { position: "pinned", orientation: "pinned", look_at: "looks", pole: "pole" }[target.kind] : this.joints.value[joint]?.limits ? "limited" : undefined;
   }
 
   jointColor(joint: number): string | null {
