@@ -60,6 +60,10 @@ controls("a list is chosen from by arrow keys, ranges and letters", async (page)
   assert.deepEqual(await value(page, "chosen"), ["a", "c"]);
   await list.press("Delete");
   assert.deepEqual(await value(page, "chosen"), []);
+  // A click in a view: the list goes on from there.
+  await page.evaluate(() => { window.state.value = { ...window.state.value, chosen: ["b"] }; });
+  await list.press("ArrowDown");
+  assert.deepEqual(await value(page, "chosen"), ["c"]);
 });
 
 controls("a tree is folded, renamed and re-parented by keyboard", async (page) => {

@@ -104,6 +104,7 @@ function Rows(props: RowsProps) {
       tabIndex={0}
       style={maxHeight ? { maxHeight: `${maxHeight}px` } : undefined}
       onKeyDown={control.onKeyDown}
+      {...control.dropOutside}
     >
       {rows.map((row) => (
         <RowView key={row.item.id} id={`${id}-${row.item.id}`} row={row} tree={role === "tree"} props={props} control={control}
@@ -166,14 +167,21 @@ function RenameInput({ item, onDone }: { item: Item; onDone: (text: string | nul
 
 /** Selection, keyboard, renaming and dragging of the rows. */
 function useSelection(props: RowsProps) {
-  const { rows, selected, onSelect, multiple } = props;
+  const { rows, selected, multiple } = props;
+  /** What this list chose last: another selection came from outside, and its entry is the active one. */
+  const own = useRef("");
+  const onSelect = (ids: string[]) => {
+    own.current = ids.join("\n");
+    props.onSelect(ids);
+  };
   const [focused, setActive] = useState<string | null>(null);
   const [anchor, setAnchor] = useState<string | null>(null);
   const [renaming, setRenaming] = useState<string | null>(null);
   const [dropTarget, setDropTarget] = useState<string | null>(null);
   const order = rows.map((row) => row.item.id);
   const lastSelected = selected[selected.length - 1] ?? null;
-  const active = focused !== null && order.includes(focused) && (selected.length === 0 || selected.includes(focused) || multiple) ? focused : lastSelected ?? order[0] ?? null;
+  const keeps = focused !== null && order.includes(focused) && (selected.includes(focused) || selected.length === 0 || selected.join("\n") === own.current);
+  const active = keeps ? focused : (lastSelected ?? order[0] ?? null);
 
   const range = (from: string | null, to: string) => {
     const [a, b] = [order.indexOf(from ?? to), order.indexOf(to)].sort((x, y) => x - y);
@@ -216,12 +224,23 @@ function useSelection(props: RowsProps) {
       onDrop: (event: DragEvent) => {
         event.preventDefault();
         end();
+        event.stopPropagation();
         const ids = moved([event.dataTransfer?.getData("text/x-plumbline-node") ?? ""]).filter((other) => other !== "" && other !== id);
         if (ids.length > 0) props.onMove?.(ids, id);
       },
     };
   };
-  return { active, renaming, dropTarget, onKeyDown, click: choose, activate, rename, dragging };
+  /** Dropped below the last entry: becomes a root. */
+  const dropOutside = {
+    onDragOver: (event: DragEvent) => { if (props.onMove && event.dataTransfer?.types.includes("text/x-plumbline-node")) event.preventDefault(); },
+    onDrop: (event: DragEvent) => {
+      const id = event.dataTransfer?.getData("text/x-plumbline-node");
+      if (!props.onMove || !id) return;
+      event.preventDefault();
+      props.onMove(moved([id]), null);
+    },
+  };
+  return { active, renaming, dropTarget, dropOutside, onKeyDown, click: choose, activate, rename, dragging };
 }
 
 interface KeyContext {
