@@ -7,7 +7,8 @@ use nalgebra::{Point3, Vector3};
 use super::components::{FIXED, Unknowns};
 use super::lanes::Lanes;
 use super::{
-    DeformOptions, DeformReport, Deformation, DistortionMetrics, HandlePose, Handles, InitialGuess, Stop, SurfaceError,
+    DeformOptions, DeformReport, Deformation, Distortion, DistortionMetrics, HandlePose, Handles, InitialGuess, Stop,
+    SurfaceError,
 };
 use crate::mesh::TriMesh;
 
@@ -93,6 +94,19 @@ impl Bound {
         self.reported(self.outer(x, pose), pose, energies, stop, counts)
     }
 
+    /// The same without the distortion.
+    pub(super) fn unmeasured(
+        &self,
+        x: &[Lanes],
+        pose: &HandlePose,
+        energies: Vec<f64>,
+        stop: Stop,
+        counts: (usize, usize),
+    ) -> Deformation {
+        let positions = self.outer(x, pose);
+        self.with_shape(positions, pose, energies, stop, counts, Distortion::default())
+    }
+
     /// Positions in mesh coordinates with their report.
     pub(super) fn reported(
         &self,
@@ -100,14 +114,27 @@ impl Bound {
         pose: &HandlePose,
         energies: Vec<f64>,
         stop: Stop,
+        counts: (usize, usize),
+    ) -> Deformation {
+        let shape = self.metrics.measure(&positions);
+        self.with_shape(positions, pose, energies, stop, counts, shape)
+    }
+
+    fn with_shape(
+        &self,
+        positions: Vec<Point3<f64>>,
+        pose: &HandlePose,
+        energies: Vec<f64>,
+        stop: Stop,
         (negative_weights, degenerate_faces): (usize, usize),
+        shape: Distortion,
     ) -> Deformation {
         let report = DeformReport {
             iterations: if stop == Stop::Solved { 1 } else { energies.len() - 1 },
             energies,
             stop,
             constraint_error: self.constraint_error(&positions, pose),
-            shape: self.metrics.measure(&positions),
+            shape,
             negative_weights,
             degenerate_faces,
             fixed_components: self.unknowns.unconstrained.clone(),

@@ -171,6 +171,8 @@ pub(super) struct Request<'a> {
     pub(super) guess: InitialGuess<'a>,
     pub(super) convergence: &'a Convergence,
     pub(super) run: &'a Run,
+    /// Whether the report has the distortion, and the energy without cancellation.
+    pub(super) measured: bool,
 }
 
 /// The prefactored solver of a method.
@@ -190,7 +192,7 @@ pub(super) trait DeformSolver: Send + std::fmt::Debug {
         run: &Run,
     ) -> Result<Deformation, SurfaceError> {
         convergence.check()?;
-        self.solve(&Request { pose, guess, convergence, run })
+        self.solve(&Request { pose, guess, convergence, run, measured: true })
     }
 }
 
@@ -275,11 +277,31 @@ impl Deformer {
         convergence: &Convergence,
         run: &Run,
     ) -> Result<Deformation, SurfaceError> {
-        let found = self.solver.deform(pose, guess, convergence, run)?;
-        match found.positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
-            None => Ok(found),
-            Some(vertex) => Err(SurfaceError::Diverged { vertex }),
-        }
+        finite(self.solver.deform(pose, guess, convergence, run)?)
+    }
+
+    /// A few iterations from the result of the last call: for a hand that drags. As [`Self::deform`] with [`InitialGuess::Last`], but
+    /// the report of iterative ARAP has no distortion (all zero), and its energies are rounded to 10⁻¹² of the elastic scale of the
+    /// mesh: measuring takes as long as an iteration.
+    ///
+    /// # Errors
+    /// As [`Self::deform`].
+    pub fn follow(
+        &mut self,
+        pose: &HandlePose,
+        convergence: &Convergence,
+        run: &Run,
+    ) -> Result<Deformation, SurfaceError> {
+        convergence.check()?;
+        finite(self.solver.solve(&Request { pose, guess: InitialGuess::Last, convergence, run, measured: false })?)
+    }
+}
+
+/// A result whose positions are all finite.
+fn finite(found: Deformation) -> Result<Deformation, SurfaceError> {
+    match found.positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+        None => Ok(found),
+        Some(vertex) => Err(SurfaceError::Diverged { vertex }),
     }
 }
 

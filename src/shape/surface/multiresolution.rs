@@ -105,7 +105,9 @@ impl DeformSolver for Multiresolution {
         self.fine.method()
     }
 
-    fn solve(&mut self, &Request { pose, guess, convergence, run }: &Request<'_>) -> Result<Deformation, SurfaceError> {
+    fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError> {
+        let &Request { pose, guess, convergence, run, .. } = request;
+        convergence.check()?;
         let coarse = match guess {
             InitialGuess::Coarse => true,
             InitialGuess::Auto => self.pays_off(),
@@ -114,7 +116,8 @@ impl DeformSolver for Multiresolution {
         };
         // Coarse levels take little time: no progress is reported for them.
         let at = if coarse { self.prolonged(pose, &run.silent())? } else { None };
-        let done = self.fine.deform(pose, at.as_ref().map_or(guess, |at| InitialGuess::At(at)), convergence, run);
+        let guess = at.as_ref().map_or(guess, |at| InitialGuess::At(at));
+        let done = self.fine.solve(&Request { guess, ..*request });
         match &done {
             Ok(_) => self.solved = true,
             // The interrupted call has consumed the previous result.

@@ -85,8 +85,7 @@ mod tests {
         let mut targets: Vec<_> = handles.vertices().iter().map(|v| bar.positions()[*v as usize]).collect();
         targets[1] += Vector3::new(1.0, 0.5, -0.8);
         let run = Run::default();
-        let mut deformer =
-            Deformer::new(Method::Arap, &bar, &handles, &DeformOptions::default(), &run).unwrap();
+        let mut deformer = Deformer::new(Method::Arap, &bar, &handles, &DeformOptions::default(), &run).unwrap();
         let convergence = Convergence { max_iterations: 500, tolerance: 1e-12 };
         let done = deformer.deform(&HandlePose::new(targets), InitialGuess::Auto, &convergence, &run).unwrap();
         let expected = *done.report.energies.last().unwrap();

@@ -148,11 +148,15 @@ impl DeformSolver for Arap {
         let targets = self.bound.targets(request.pose)?;
         let mut x = self.initial(request, &targets)?;
         let (mut energies, stop) = self.minimize(&targets, &mut x, request.convergence, request.run)?;
-        if let Some(last) = energies.last_mut() {
+        if let Some(last) = energies.last_mut().filter(|_| request.measured) {
             *last = self.elastic.exact_energy(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
         }
         let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
-        let done = self.bound.done(&x, request.pose, energies, stop, counts);
+        let done = if request.measured {
+            self.bound.done(&x, request.pose, energies, stop, counts)
+        } else {
+            self.bound.unmeasured(&x, request.pose, energies, stop, counts)
+        };
         self.last = Some(x);
         Ok(done)
     }

@@ -82,7 +82,7 @@ fn the_energy_never_increases_and_equals_its_definition_edge_by_edge() {
             let mut arap = Arap::new(kind, &mesh, &handles, &options, &Run::default()).unwrap();
             let targets = arap.bound.targets(&pose).unwrap();
             let (convergence, run) = (tight(60), Run::default());
-            let request = Request { pose: &pose, guess: start, convergence: &convergence, run: &run };
+            let request = Request { pose: &pose, guess: start, convergence: &convergence, run: &run, measured: true };
             let mut x = arap.initial(&request, &targets).unwrap();
             let (energies, _) = arap.minimize(&targets, &mut x, &convergence, &run).expect("a run that never stops");
             for pair in energies.windows(2) {

@@ -163,6 +163,20 @@ impl KeyframedDeformer {
         self.solve(time, InitialGuess::At(from), iterations, run)
     }
 
+    /// The same from the result of the last call, which must have succeeded: without a copy of it, and with the rotations that it ended
+    /// with. The report has no distortion ([`Deformer::follow`]).
+    ///
+    /// # Errors
+    /// As [`Deformer::deform`].
+    pub fn follow_on(&mut self, time: f64, iterations: usize, run: &Run) -> Result<Deformation, SurfaceError> {
+        let Convergence { max_iterations, tolerance } = self.options.convergence;
+        let convergence = Convergence { max_iterations: iterations.min(max_iterations), tolerance };
+        let pose = self.constrained.pose(&self.handles, &self.rest, &self.solvable.mesh, time);
+        let deformed = self.deformer.follow(&pose, &convergence, run)?;
+        self.at = Some(time);
+        Ok(deformed)
+    }
+
     fn step(&mut self, time: f64, iterations: usize, run: &Run) -> Result<Deformation, SurfaceError> {
         let start = if self.at.is_some() { InitialGuess::Last } else { self.options.init };
         self.solve(time, start, iterations, run)
@@ -230,5 +244,15 @@ mod tests {
         assert!((energy - wanted).abs() <= 1e-3 * wanted, "{energy} {wanted}");
         dragged.restart();
         assert_eq!(dragged.pose(1.0, &run).unwrap(), expected, "the same as without the drag");
+        // Following from the last result is following from its positions, but for the warm start of the rotations.
+        let mut on = bent(0.5);
+        let rest = on.solvable().mesh.positions().to_vec();
+        let first = on.follow(1.0, &rest, 3, &run).unwrap();
+        let mut from = bent(0.5);
+        from.follow(1.0, &rest, 3, &run).unwrap();
+        let (a, b) = (on.follow_on(1.0, 2, &run).unwrap(), from.follow(1.0, &first.positions, 2, &run).unwrap());
+        let apart = a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        assert!(apart < 1e-9, "{apart:e}");
+        assert_eq!(a.report.shape, crate::surface::Distortion::default());
     }
 }

@@ -147,7 +147,10 @@ impl DeformSolver for Primo {
         Method::Primo
     }
 
-    fn solve(&mut self, &Request { pose, guess, convergence, run }: &Request<'_>) -> Result<Deformation, SurfaceError> {
+    fn solve(
+        &mut self,
+        &Request { pose, guess, convergence, run, .. }: &Request<'_>,
+    ) -> Result<Deformation, SurfaceError> {
         pose.check(&self.bound.unknowns.handles)?;
         let initial = self.initial(pose, guess)?;
         let found = self.solver.minimize(initial, convergence, run)?;
