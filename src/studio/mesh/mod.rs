@@ -93,6 +93,10 @@ impl MeshWorkspace {
         self.time.unwrap_or(last).clamp(first.min(last), last.max(first))
     }
 
+    fn next(&self) -> Work {
+        if self.solver.phase() == Phase::Rest { Work::Rest } else { Work::More }
+    }
+
     fn send_surface(&mut self, out: &mut Outbox) {
         let bytes = self.encoder.positions(&self.solver.solvable, self.solver.shown());
         out.buffer(BufferKind::Positions.number(), 0, &bytes);
@@ -180,9 +184,9 @@ impl Workspace for MeshWorkspace {
             self.solver.set(document, self.time(document));
         }
         if let Some(overlay) = view.overlay {
-            self.overlay.kind = overlay;
+            self.overlay = OverlayState { kind: overlay, high: 0.0 };
         }
-        self.stale.surface = true;
+        self.stale.surface |= view.overlay.is_some() || self.solver.exact;
         Ok(())
     }
 
@@ -230,7 +234,10 @@ impl Workspace for MeshWorkspace {
     fn greet(&mut self, document: &Self::Document, out: &mut Outbox) {
         out.buffer(BufferKind::Triangles.number(), 0, self.model.mesh().triangles().as_flattened());
         self.send_surface(out);
-        self.stale = Stale { surface: true, selection: true, owners: true };
+        if self.send_overlay(document, out).is_err() {
+            self.overlay = OverlayState::default();
+        }
+        self.stale = Stale { surface: false, selection: true, owners: true };
         self.send_marks(document, out);
         let frames: Vec<_> = self.solver.frames().to_vec();
         for (k, pose) in frames.iter().enumerate() {
@@ -241,6 +248,12 @@ impl Workspace for MeshWorkspace {
 
     fn work(&mut self, document: &Self::Document, out: &mut Outbox, run: &Run) -> Result<Work, StudioError> {
         self.send_marks(document, out);
+        // What was asked for is shown before a solve that may be long.
+        if std::mem::take(&mut self.stale.surface) {
+            self.send_surface(out);
+            self.send_overlay(document, out)?;
+            return Ok(self.next());
+        }
         let shown = self.solver.slice(document, run);
         self.solver.take_warnings().into_iter().for_each(|text| out.notice(text));
         match shown {
@@ -249,15 +262,14 @@ impl Workspace for MeshWorkspace {
                 let bytes = self.encoder.positions(&self.solver.solvable, &pose);
                 out.buffer(BufferKind::Frame.number(), k as u32, &bytes);
             }
-            Ok(Shown::Surface) => self.stale.surface = true,
+            Ok(Shown::Surface) => {
+                self.send_surface(out);
+                self.send_overlay(document, out)?;
+            }
             Ok(Shown::Nothing) | Err(_) => {}
         }
-        if std::mem::take(&mut self.stale.surface) {
-            self.send_surface(out);
-            self.send_overlay(document, out)?;
-        }
         shown?;
-        Ok(if self.solver.phase() == Phase::Rest { Work::Rest } else { Work::More })
+        Ok(self.next())
     }
 
     fn save(&self, document: &Self::Document, files: &mut DocumentFiles) -> Result<(), StudioError> {

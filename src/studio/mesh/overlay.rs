@@ -80,8 +80,18 @@ impl Overlays {
             }
             Overlay::Displacement => positions.iter().zip(rest.positions()).map(|(p, q)| (p - q).norm()).collect(),
         };
-        let high = quantile(&values);
+        let high = quantile(&values).max(smallest(overlay, rest.diagonal()));
         Ok(Some(Values { values, high }))
+    }
+}
+
+/// Smallest value of the highest color: below it a surface at rest would show its rounding.
+fn smallest(overlay: Overlay, diagonal: f64) -> f64 {
+    match overlay {
+        Overlay::Distortion => 1e-3,
+        Overlay::Energy => 1e-10 * diagonal * diagonal,
+        Overlay::Displacement => 1e-4 * diagonal,
+        Overlay::None | Overlay::Flipped => 1.0,
     }
 }
 

@@ -97,6 +97,8 @@ pub struct Solver {
     time: f64,
     settling_since: Option<Instant>,
     interrupted: bool,
+    /// The surface that is shown is the last result of the deformer.
+    in_step: bool,
     frames: Frames,
     /// The last report.
     pub report: Option<DeformReport>,
@@ -135,6 +137,7 @@ impl Solver {
             time: 0.0,
             settling_since: None,
             interrupted: false,
+            in_step: false,
             frames: Frames::default(),
             report: None,
             exact: true,
@@ -183,6 +186,7 @@ impl Solver {
         if !fits {
             self.phase = Phase::Prefactor;
             self.factored = None;
+            self.in_step = false;
             self.time = time;
             self.changed();
             return;
@@ -220,6 +224,7 @@ impl Solver {
         self.error = None;
         self.curve.clear();
         self.shown.copy_from_slice(self.solvable.mesh.positions());
+        self.in_step = false;
     }
 
     /// Shows the pose of a frame at this very time, if it is solved.
@@ -227,6 +232,7 @@ impl Solver {
         let Some(k) = self.frames.times.iter().position(|t| keys::same_time(*t, self.time)) else { return false };
         let Some(pose) = self.frames.poses.get(k) else { return false };
         self.shown.copy_from_slice(pose);
+        self.in_step = false;
         self.exact = true;
         self.phase = if self.frames.poses.len() < self.frames.times.len() { Phase::Frames } else { Phase::Rest };
         true
@@ -313,7 +319,12 @@ impl Solver {
         self.frames.in_a_row = 0;
         let Some(factored) = &mut self.factored else { return Ok((0.0, 0.0)) };
         // Whole: a picture of a drag takes a few milliseconds.
-        let found = factored.deformer.follow(self.time, &self.shown, iterations, &Run::default())?;
+        let whole = Run::default();
+        let found = if std::mem::take(&mut self.in_step) {
+            factored.deformer.follow_on(self.time, iterations, &whole)?
+        } else {
+            factored.deformer.follow(self.time, &self.shown, iterations, &whole)?
+        };
         let ends = (found.report.energies.first().copied(), found.report.energies.last().copied());
         self.take(found);
         Ok((ends.0.unwrap_or(0.0), ends.1.unwrap_or(0.0)))
@@ -325,11 +336,13 @@ impl Solver {
         self.curve.truncate(MAX_CURVE);
         self.shown = found.positions;
         self.report = Some(found.report);
+        self.in_step = true;
     }
 
     /// The pose as the stage solves it.
     fn solve(&mut self, run: &Run) -> Result<Shown, SurfaceError> {
         self.frames.in_a_row = 0;
+        self.in_step = false;
         let Some(factored) = &mut self.factored else { return Ok(self.rest()) };
         factored.deformer.restart();
         let found = factored.deformer.pose(self.time, &run.silent())?;
@@ -342,6 +355,7 @@ impl Solver {
 
     /// The pose of the next frame.
     fn next_frame(&mut self, run: &Run) -> Result<Shown, SurfaceError> {
+        self.in_step = false;
         let Some(factored) = &mut self.factored else { return Ok(self.rest()) };
         let count = factored.settings.frames;
         if count <= 1 || count as usize * self.shown.len() * size_of::<Point3<f64>>() > MAX_FRAME_BYTES {

@@ -250,7 +250,8 @@ impl SolveState {
     /// Of the solver.
     pub fn new(solver: &Solver) -> Self {
         let report = solver.report.as_ref();
-        let shape = report.map(|r| &r.shape);
+        // While it follows a hand the distortion is not measured.
+        let shape = report.filter(|_| solver.exact).map(|r| &r.shape);
         let ms = |time: Option<std::time::Duration>| time.map(|t| (t.as_secs_f64() * 1e4).round() / 10.0);
         Self {
             phase: solver.phase().name(),

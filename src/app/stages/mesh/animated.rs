@@ -17,12 +17,7 @@ use plumbline_shape::mesh::{MeshError, Model};
 ///
 /// # Panics
 /// If a pose has another number of positions than the model has vertices.
-pub fn animated(
-    model: &Model,
-    poses: &[Vec<Point3<f64>>],
-    seconds: f64,
-    name: &str,
-) -> Result<Model, MeshError> {
+pub fn animated(model: &Model, poses: &[Vec<Point3<f64>>], seconds: f64, name: &str) -> Result<Model, MeshError> {
     let Some((first, others)) = poses.split_first() else { return Ok(model.clone()) };
     let still = model.clone().with_articulation(None)?.with_positions(first.clone())?;
     let target = |(k, pose): (usize, &Vec<Point3<f64>>)| target(&still, pose, k + 1);

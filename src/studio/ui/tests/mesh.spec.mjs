@@ -1,7 +1,7 @@
 // The mesh workspace as a user works with it: open, select, make handles, drag, type, undo, keys, play, save; then `plumbline run` on
 // the saved file writes what the studio showed.
 import assert from "node:assert/strict";
-import { readFileSync, writeFileSync } from "node:fs";
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { inBothThemes, picture, screenshot, test, until } from "./harness.mjs";
 
@@ -44,7 +44,7 @@ async function openMesh({ page, server }, name = "tower.obj", made = tower()) {
 
 /** Opens the file by the picker. */
 async function pick(page, server, name, made) {
-  writeFileSync(join(server.folder, name), made.text);
+  if (!existsSync(join(server.folder, name))) writeFileSync(join(server.folder, name), made.text);
   await page.locator(".shell[data-ready=true]").waitFor();
   await page.keyboard.press("Control+o");
   await page.getByRole("combobox", { name: "Find in this folder" }).fill(name);
@@ -258,4 +258,45 @@ test("a mesh far from its origin looks and exports as one that is near", { timeo
 test("a browser without WebGL 2 is told so", { flags: ["--disable-3d-apis"], expect: ["WebGL"] }, async ({ page, server }) => {
   await pick(page, server, "tower.obj", tower());
   await page.getByText(/no WebGL 2/).waitFor();
+});
+
+test("a killed server and a reload lose no handle", { timeout: 120_000 }, async (context) => {
+  const { page, server } = context;
+  const made = await openMesh(context);
+  await makeTowerHandles(page, made);
+  await type(page, "Translation x", 1);
+  await until(async () => (await number(page, "Translation x").inputValue()) === "1", "the typed number");
+  await page.reload();
+  await until(async () => (await handles(page).getByRole("option").count()) === 2, "both handles after a reload");
+  // Unsaved changes are kept a second after the last one.
+  await page.waitForTimeout(2500);
+  await server.kill();
+  await server.restart();
+  await page.goto("about:blank");
+  await page.goto(server.url);
+  await pick(page, server, "tower.obj", made);
+  await until(async () => (await handles(page).getByRole("option").count()) === 2, "both handles after a crash");
+  await handles(page).getByRole("option", { name: /grip/ }).click();
+  await number(page, "Translation x").waitFor();
+  assert.equal(await number(page, "Translation x").inputValue(), "1");
+});
+
+test("two windows on one document show the same handles", { timeout: 120_000 }, async (context) => {
+  const { page, server, newPage } = context;
+  const made = await openMesh(context);
+  const link = await page.evaluate(async () => {
+    const headers = { "x-plumbline-session": sessionStorage.getItem("plumbline session"), "content-type": "application/json" };
+    const { token } = await (await fetch("/api/link", { method: "POST", headers, body: "{}" })).json();
+    return `${location.origin}/#token=${token}`;
+  });
+  const other = await newPage();
+  await other.goto(link);
+  await pick(other, server, "tower.obj", made);
+  await other.getByRole("application", { name: /3D view/ }).waitFor();
+  await makeTowerHandles(page, made);
+  await type(page, "Translation x", 0.75);
+  await until(async () => (await number(other, "Translation x").inputValue()) === "0.75", "the other window to follow");
+  await other.getByRole("application", { name: /3D view/ }).focus();
+  await other.keyboard.press("Control+z");
+  await until(async () => (await number(page, "Translation x").inputValue()) === "0", "undo by the other window");
 });
