@@ -24,7 +24,7 @@ pub struct PhotoDocument {
     pub lines_file: bool,
     /// Faces that were corrected by hand; `None`: as they are found.
     pub faces: Option<Arc<Vec<MarkedFace>>>,
-    /// What is selected.
+    /// What is selected while an edit is made; nothing in the history.
     pub selection: Selection,
 }
 
@@ -37,6 +37,17 @@ pub struct Selection {
     pub point: Option<usize>,
     /// Faces.
     pub faces: Vec<usize>,
+}
+
+impl Selection {
+    /// Without what the document does not have.
+    pub(super) fn clamp(&mut self, document: &PhotoDocument) {
+        self.lines.retain(|k| *k < document.lines.len());
+        let faces = document.faces.as_ref().map_or(usize::MAX, |faces| faces.len());
+        self.faces.retain(|k| *k < faces);
+        let points = self.lines.last().map_or(0, |k| document.lines[*k].line.points.len());
+        self.point = self.point.filter(|k| *k < points);
+    }
 }
 
 impl PhotoDocument {

@@ -27,6 +27,7 @@ use crate::files::DocumentFiles;
 use crate::outbox::Outbox;
 use crate::workspace::{Answer, Step, Work, Workspace};
 use analysis::Analysis;
+use document::Selection;
 use edit::Known;
 use plumbline_app::pipeline::RunError;
 use plumbline_app::stages::photo_steps::FoundLens;
@@ -49,6 +50,8 @@ pub struct PhotoWorkspace {
     lens: Option<FoundLens>,
     problem: Option<String>,
     shown: Option<Shown>,
+    /// In no history: undo undoes what was done, not what was clicked.
+    selection: Selection,
     /// Notes of opening, for the first slice.
     notes: Vec<String>,
 }
@@ -111,6 +114,7 @@ impl Workspace for PhotoWorkspace {
             lens: None,
             problem: None,
             shown: None,
+            selection: Selection::default(),
             notes,
         };
         Ok((workspace, document))
@@ -132,14 +136,18 @@ impl Workspace for PhotoWorkspace {
             found_in_use: document.pipeline.said().found.is_some() && self.lens.is_some(),
             faces: self.analysis.faces.as_deref(),
         };
-        edit::apply(document, edit, known)
+        let selected = PhotoDocument { selection: self.selection.clone(), ..document.clone() };
+        let mut step = edit::apply(&selected, edit, known)?;
+        self.selection = std::mem::take(&mut step.document.selection);
+        Ok(step)
     }
 
     fn view(&mut self, _: &PhotoDocument, view: View) -> Result<(), StudioError> {
         self.look(view)
     }
 
-    fn changed(&mut self, _: &PhotoDocument) {
+    fn changed(&mut self, document: &PhotoDocument) {
+        self.selection.clamp(document);
         self.due = Due { source: self.due.source, ..Due::ALL };
     }
 

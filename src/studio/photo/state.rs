@@ -15,7 +15,7 @@ use plumbline_photo::{LineReport, Orientation};
 
 pub(super) fn of(workspace: &PhotoWorkspace, document: &PhotoDocument) -> State {
     let said = document.pipeline.said();
-    let selection = &document.selection;
+    let selection = &workspace.selection;
     let using = match (document.has_lines_in_use(), &said.found) {
         (true, _) => "marked",
         (false, Some(_)) if workspace.lens.is_some() => "found",

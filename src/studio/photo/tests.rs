@@ -118,6 +118,22 @@ fn draw_room(bench: &mut Bench, count: usize) {
 }
 
 #[test]
+fn a_selection_is_no_step_and_follows_what_the_document_has() {
+    let mut bench = Bench::of(&["room-kb-125.jpg"]);
+    draw_room(&mut bench, 2);
+    let before = bench.document.clone();
+    bench.done(json!({ "do": "select", "lines": [1], "point": 3 }));
+    assert!(bench.document == before, "the session takes an equal document for no step");
+    assert_eq!(bench.state()["selected"], json!({ "lines": [1], "point": 3, "faces": [] }));
+    bench.done(json!({ "do": "delete_lines", "lines": [0] }));
+    bench.document = before;
+    bench.done(json!({ "do": "select", "lines": [1], "point": 3 }));
+    bench.document = PhotoDocument { lines: Arc::default(), ..bench.document };
+    bench.workspace.changed(&bench.document);
+    assert_eq!(bench.state()["selected"], json!({ "lines": [], "point": null, "faces": [] }));
+}
+
+#[test]
 fn what_the_saved_pipeline_writes_is_the_export_and_what_is_shown_is_made_of_the_same_map() {
     let mut bench = Bench::of(&["room-kb-125.jpg", "room-kb-125.lens.json"]);
     draw_room(&mut bench, 6);

@@ -70,7 +70,7 @@ test("a photo is made straight: lines drawn, moved, adopted and oriented, lens, 
   await screenshot(page, "photo-lens-of-lines");
   // A lens file instead.
   await page.getByRole("radio", { name: "File" }).click();
-  await page.getByText("plumbline file", { exact: false }).or(page.getByText("room-kb-125.lens.json").first()).first().waitFor();
+  await page.getByLabel("Lens in use").getByText(/file .*room-kb-125.lens.json/).waitFor();
   await exact(page);
   // An end is moved by the pointer, then by keys.
   await line(page, "line 1").click();

@@ -1,5 +1,5 @@
 // The photo workspace: lines and faces marked on a photo, and the rectified picture beside it.
-import { useEffect, useMemo, useRef } from "preact/hooks";
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Connection } from "../../connection";
 import type { State } from "../../generated/photo";
 import { Layout, ToolButton, ToolDivider, Toolbar } from "../../shell/components";
@@ -25,9 +25,24 @@ function View({ connection }: { connection: Connection<State> }) {
   );
 }
 
+/** Side by side or one above the other, whichever shows the pictures larger. */
 function Pictures({ page }: { page: PhotoPage }) {
+  const pair = useRef<HTMLDivElement>(null);
+  const { width, height } = page.photo;
+  const [stacked, setStacked] = useState(false);
+  useEffect(() => {
+    const element = pair.current;
+    if (!element) return undefined;
+    const choose = () => {
+      const { clientWidth: w, clientHeight: h } = element;
+      setStacked(Math.min(w / width, h / 2 / height) > Math.min(w / 2 / width, h / height));
+    };
+    const observer = new ResizeObserver(choose);
+    observer.observe(element);
+    return () => observer.disconnect();
+  }, [width, height]);
   return (
-    <div class="photo-pair">
+    <div ref={pair} class={`photo-pair ${stacked ? "stacked" : ""}`}>
       <SourceView page={page} />
       <section class="photo-half" aria-label="Result">
         <ResultView page={page} />
@@ -89,17 +104,20 @@ function ResultFacts({ page }: { page: PhotoPage }) {
   if (!result) {
     return (
       <div class="photo-empty" role={problem ? "alert" : "status"}>
-        <p>{problem ?? "The first picture is being made…"}</p>
-        {problem && <p class="muted">Draw along three edges that are straight in the world, or choose a lens at the right.</p>}
+        <p>{problem ? inTheWindow(problem) : "The first picture is being made…"}</p>
+        {problem?.startsWith("the lens") && <p class="muted">Draw along three edges that are straight in the world (L), with three points or more each, or choose a lens at the right.</p>}
       </div>
     );
   }
   return (
     <p class="view-facts" role={problem ? "alert" : undefined}>
-      {problem ? <span class="error-text">{problem}</span> : `${result.width} × ${result.height} px${result.exact ? "" : " · preview"}`}
+      {problem ? <span class="error-text">{inTheWindow(problem)}</span> : `${result.width} × ${result.height} px${result.exact ? "" : " · preview"}`}
     </p>
   );
 }
+
+/** An error without what it says of options of the command line. */
+const inTheWindow = (text: string) => text.replace(/[:;,] (?:give|or give)? ?--.*$/, "");
 
 /** Arrow keys move what is selected, or the picture; Tab leaves. */
 function keyInPicture(event: KeyboardEvent, page: PhotoPage) {

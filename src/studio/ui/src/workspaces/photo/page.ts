@@ -53,7 +53,7 @@ export class PhotoPage {
       on(BufferKind.SourcePart, ({ payload }) => (this.sourcePart.value = pictureOf(payload))),
       on(BufferKind.Result, ({ payload }) => (this.result.value = pictureOf(payload))),
       on(BufferKind.Grid, ({ payload }) => (this.grid.value = gridOf(payload))),
-      on(BufferKind.Marks, ({ payload }) => (this.marks.value = marksOf(payload))),
+      on(BufferKind.Marks, ({ payload }) => this.receiveMarks(marksOf(payload))),
       on(BufferKind.Courses, ({ payload }) => (this.courses.value = curvesOf(payload))),
       on(BufferKind.FoundCourses, ({ payload }) => (this.foundCourses.value = curvesOf(payload))),
       on(BufferKind.Carried, ({ payload }) => (this.carried.value = curvesOf(payload))),
@@ -62,6 +62,14 @@ export class PhotoPage {
       effect(() => { if (!this.state.value.result) this.result.value = null; }),
     ];
     return () => stops.forEach((stop) => stop());
+  }
+
+  /** Marks of the server take the place of those that keys or the pointer moved, once they are the same. */
+  private receiveMarks(marks: Curves) {
+    this.marks.value = marks;
+    const moving = this.moving.value;
+    const there = moving && marks[moving.line];
+    if (moving && (!there || moving.points.every((p, i) => near(p, there[i])))) this.moving.value = null;
   }
 
   private async decodeSource(payload: ArrayBuffer) {
@@ -113,23 +121,49 @@ export class PhotoPage {
     const { line: at, face } = { line: this.line.value, face: this.face.value };
     const { point } = this.state.value.selected;
     if (at !== null && point !== null) {
-      const p = this.marks.value[at]?.[point];
-      if (p) void this.edit({ do: "move_point", line: at, point, x: p[0] + dx, y: p[1] + dy });
+      const p = this.points(at)[point];
+      if (p) this.movePoint(at, point, p[0] + dx, p[1] + dy);
     } else if (at !== null) {
-      const points = this.marks.value[at] ?? [];
-      void this.edit({ do: "set_points", line: at, points: points.map(([x, y]) => [x + dx, y + dy]) });
+      const points = this.points(at).map(([x, y]) => [x + dx, y + dy] as [number, number]);
+      this.settle(at, points, this.edit({ do: "set_points", line: at, points }));
     } else if (face !== null) {
-      const rect = this.faceInfo(face)?.rect;
-      if (rect) void this.edit({ do: "set_face", face, rect: [rect[0] + dx, rect[1] + dy, rect[2], rect[3]] });
+      const rect = this.faceRect(face);
+      if (rect) this.setFace(face, [rect[0] + dx, rect[1] + dy, rect[2], rect[3]]);
     }
+  }
+
+  /** A point to a position, by keys or numbers: seen at once, and the base of the next key. */
+  movePoint(line: number, point: number, x: number, y: number) {
+    const { width, height } = this.photo;
+    const to: Point = [Math.min(width, Math.max(0, x)), Math.min(height, Math.max(0, y))];
+    const points = this.points(line).map((p, i) => (i === point ? to : p));
+    this.settle(line, points, this.edit({ do: "move_point", line, point, x: to[0], y: to[1] }));
+  }
+
+  private settle(line: number, points: readonly Point[], edit: Promise<void>) {
+    const moving = { line, points: [...points] };
+    this.moving.value = moving;
+    edit.catch(() => undefined).finally(() => setTimeout(() => { if (this.moving.value === moving) this.moving.value = null; }, 500));
   }
 
   /** Makes the selected face larger or smaller. */
   grow(dw: number, dh: number) {
     const face = this.face.value;
-    const rect = this.faceInfo(face)?.rect;
-    if (face === null || !rect) return;
-    void this.edit({ do: "set_face", face, rect: [rect[0], rect[1], Math.max(1, rect[2] + dw), Math.max(1, rect[3] + dh)] });
+    const rect = this.faceRect(face);
+    if (face !== null && rect) this.setFace(face, [rect[0], rect[1], Math.max(1, rect[2] + dw), Math.max(1, rect[3] + dh)]);
+  }
+
+  /** The box of a face as it is shown. */
+  faceRect(face: number | null) {
+    const moving = this.movingFace.value;
+    return moving && moving.face === face ? moving.rect : this.faceInfo(face)?.rect;
+  }
+
+  private setFace(face: number, rect: [number, number, number, number]) {
+    const moving = { face, rect };
+    this.movingFace.value = moving;
+    const done = () => { if (this.movingFace.value === moving) this.movingFace.value = null; };
+    this.edit({ do: "set_face", face, rect }).then(done, done);
   }
 
   /** The next point of the selected line, or the next line. */
@@ -216,6 +250,8 @@ export function pageOf(connection: Connection<State>): PhotoPage {
   pages.set(connection, page);
   return page;
 }
+
+const near = (a: Point, b: Point | undefined) => b !== undefined && Math.abs(a[0] - b[0]) + Math.abs(a[1] - b[1]) < 0.02;
 
 function last(list: readonly number[]): number | null {
   return list[list.length - 1] ?? null;

@@ -73,7 +73,7 @@ function Straightness({ page }: { page: PhotoPage }) {
   if (report.off_lens_px !== null) rows.push(["Marks off the lens", `${report.off_lens_px.toFixed(2)} px`]);
   if (report.shown < 1) rows.push(["Shown", `${Math.round(100 * report.shown)} %`]);
   return (
-    <dl class="photo-facts" aria-label="Straightness of the line">
+    <dl class="photo-facts tight" aria-label="Straightness of the line">
       {rows.map(([name, value]) => <div key={name}><dt>{name}</dt><dd class="num">{value}</dd></div>)}
     </dl>
   );
@@ -96,9 +96,9 @@ export function PointsPanel({ page }: { page: PhotoPage }) {
       {p && point !== null && (
         <div class="row">
           <span class="muted">x</span>
-          <NumberInput label="x of the point" unit="px" value={p[0]} digits={2} onChange={(x) => void page.edit({ do: "move_point", line, point, x, y: p[1] })} />
+          <NumberInput label="x of the point" unit="px" value={p[0]} digits={2} onChange={(x) => page.movePoint(line, point, x, p[1])} />
           <span class="muted">y</span>
-          <NumberInput label="y of the point" unit="px" value={p[1]} digits={2} onChange={(y) => void page.edit({ do: "move_point", line, point, x: p[0], y })} />
+          <NumberInput label="y of the point" unit="px" value={p[1]} digits={2} onChange={(y) => page.movePoint(line, point, p[0], y)} />
         </div>
       )}
       <p class="hint">Arrow keys in the picture, or Alt+arrow keys anywhere, move it by a pixel; with Shift by ten.</p>

@@ -24,11 +24,13 @@ export function LensPanel({ page }: { page: PhotoPage }) {
   };
   return (
     <Panel title="Lens">
-      <Segmented label="Lens from" bare value={source} onChange={choose} options={[
-        { value: "auto", label: "Automatic", title: "Marked lines, a profile, EXIF: in this order" },
-        { value: "model", label: "Model", title: "A projection and a field of view" },
-        { value: "file", label: "File", title: "A lens file beside the photo", disabled: files.length === 0 && source !== "file" },
-      ]} />
+      <div class="row">
+        <Segmented label="Lens from" bare value={source} onChange={choose} options={[
+          { value: "auto", label: "Automatic", title: "Marked lines, a profile, EXIF: in this order" },
+          { value: "model", label: "Model", title: "A projection and a field of view" },
+          { value: "file", label: "File", title: "A lens file beside the photo", disabled: files.length === 0 && source !== "file" },
+        ]} />
+      </div>
       {source === "model" && <ModelFields page={page} />}
       {source === "file" && (
         <Select label="File" value={settings.lens} onChange={(file) => set(file, null)}

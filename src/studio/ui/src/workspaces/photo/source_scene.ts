@@ -86,7 +86,7 @@ export class SourceScene {
       const chosen = this.page.chosenFound.value.includes(info.name);
       const used = using === "found" && !info.off;
       const line = { points: flat(course, at), stroke: chosen ? colors.selected : colors.found, strokeWidth: chosen ? 2.5 : 1.5, opacity: info.off ? 0.35 : 0.95 };
-      this.drawn.add(halo(line.points, info.off ? 0.15 : 0.4));
+      this.drawn.add(halo(line.points, info.off ? 0.1 : 0.3, 3));
       this.drawn.add(new Konva.Line({ ...line, dash: used ? [] : [6, 4], name: `found ${k}`, hitStrokeWidth: 10 }));
     });
   }
@@ -144,5 +144,5 @@ export class SourceScene {
 const flat = (points: readonly Point[], { scale, x, y }: Placement): Flat => points.flatMap(([px, py]) => [x + px * scale, y + py * scale]);
 
 /** A dark line below a colored one, so that it is seen on any photo. */
-const halo = (points: Flat, opacity: number) =>
-  new Konva.Line({ points, stroke: "#000000", opacity, strokeWidth: 5, lineCap: "round", lineJoin: "round", listening: false });
+const halo = (points: Flat, opacity: number, strokeWidth = 4) =>
+  new Konva.Line({ points, stroke: "#000000", opacity, strokeWidth, lineCap: "round", lineJoin: "round", listening: false });
