@@ -300,3 +300,58 @@ test("two windows on one document show the same handles", { timeout: 120_000 }, 
   await other.keyboard.press("Control+z");
   await until(async () => (await number(page, "Translation x").inputValue()) === "0", "undo by the other window");
 });
+
+test("brush, named sets, free handles, grabbing, every method, a painted region", { timeout: 120_000 }, async (context) => {
+  const { page } = context;
+  const made = await openMesh(context);
+  const count = async () => Number((await page.getByText(/ of [\d,]+ vertices$/).first().textContent()).split(" ")[0]);
+  await selectVertices(page, `0-${made.ring - 1}`);
+  await page.getByRole("button", { name: "Fixed", exact: true }).first().click();
+  await until(async () => (await count()) === 0, "the selection to become a handle");
+
+  await page.getByRole("button", { name: "Select by brush" }).click();
+  const middle = await inView(page, 20, -60);
+  await dragMouse(page, middle, { x: middle.x, y: middle.y - 60 });
+  await until(async () => (await count()) > 3, "brushed vertices");
+  await screenshot(page, "mesh-brush");
+  await page.getByLabel("Name", { exact: true }).fill("belly");
+  await page.getByLabel("Name", { exact: true }).press("Enter");
+  await page.getByRole("button", { name: "Name the selection" }).click();
+  await page.getByRole("listbox", { name: "Named sets" }).getByText("belly").waitFor();
+
+  await page.getByRole("button", { name: "Free", exact: true }).first().click();
+  await until(async () => (await handles(page).getByRole("option").count()) === 2, "the free handle");
+  await page.getByRole("button", { name: "Grab and drag" }).click();
+  await dragMouse(page, { x: middle.x, y: middle.y - 30 }, { x: middle.x + 70, y: middle.y - 30 });
+  await until(async () => /Move free/.test((await lastStep(page)) ?? ""), "the drag in the plane of the screen");
+  await atRest(page);
+
+  const methods = await page.getByRole("combobox", { name: "Method", exact: true }).locator("option").evaluateAll((all) => all.map((o) => o.value));
+  assert.equal(methods.length, 7);
+  for (const method of methods) {
+    await page.getByRole("combobox", { name: "Method", exact: true }).selectOption(method);
+    await until(async () => (await page.getByRole("combobox", { name: "Method", exact: true }).inputValue()) === method, method);
+    await atRest(page);
+  }
+  await page.getByLabel("Colors", { exact: true }).selectOption("displacement");
+  await page.getByRole("figure", { name: /Displacement/ }).waitFor();
+  await screenshot(page, "mesh-primo");
+
+  await page.getByRole("button", { name: "Region of influence" }).click();
+  await page.getByRole("button", { name: "Paint the region" }).click();
+  const low = await inView(page, 20, 120);
+  await dragMouse(page, low, { x: low.x, y: low.y + 40 });
+  await page.getByText(/vertices are fixed$/).waitFor();
+  await screenshot(page, "mesh-region");
+  await page.getByRole("button", { name: "The whole surface moves" }).click();
+  await page.getByText("The whole surface may move").waitFor();
+  await page.getByRole("button", { name: "Copy as command" }).click();
+  assert.match(await page.getByLabel("Equivalent command").inputValue(), /^plumbline deform .*tower\.obj --handles .* --method primo -o .*$/);
+});
+
+/** The last step of the history list. */
+async function lastStep(page) {
+  const history = page.getByRole("complementary", { name: "History" });
+  if ((await history.count()) === 0) await page.keyboard.press("Alt+h");
+  return history.getByRole("listitem").last().textContent();
+}
