@@ -10,6 +10,9 @@ use crate::mesh::message::Edit;
 use crate::mesh::vertices::{self, Combine, Follow};
 use crate::workspace::Step;
 
+/// More rings than any mesh has at once.
+const MAX_RINGS: u32 = 10_000;
+
 pub(super) fn select(
     mut next: MeshDocument,
     edit: Edit,

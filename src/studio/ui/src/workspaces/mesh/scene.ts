@@ -105,11 +105,12 @@ export class Scene {
   private baseColors(rgb: Uint8Array) {
     const { overlay } = this.page.state.peek();
     const plain = bytes(cssColor("--view-surface") || "#b9c0c8");
+    const outside = bytes(cssColor("--line-strong"));
     if (overlay.kind !== "none" && this.scalars.length === rgb.length / 3) {
       colorValues(this.scalars, 0, overlay.high, overlay.kind === "flipped" ? "heat" : "sequential", rgb);
+      this.owners.forEach((owner, v) => { if (owner === OUTSIDE) mix(rgb, v, outside, 0.7); });
       return;
     }
-    const outside = bytes(cssColor("--line-strong"));
     for (let v = 0; v < rgb.length / 3; v++) {
       const owner = this.owners[v] ?? FREE;
       rgb.set(owner === OUTSIDE ? outside : plain, 3 * v);
