@@ -268,7 +268,7 @@ impl Command {
 /// What a command line asks for.
 enum Job {
     /// A command of this crate, with the settings of a file.
-    Own(Command, Option<Defaults>),
+    Own(Box<Command>, Option<Defaults>),
     /// A command of another crate.
     Other(Extension, ArgMatches),
 }
@@ -300,7 +300,7 @@ fn read_line(extensions: &[Extension]) -> Result<(GlobalArgs, Job), Refusal> {
         return Ok((global, Job::Other(extension, below.clone())));
     }
     let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
-    Ok((cli.global, Job::Own(cli.command, defaults)))
+    Ok((cli.global, Job::Own(Box::new(cli.command), defaults)))
 }
 
 fn run_job(global: &GlobalArgs, job: Job, runner: &dyn StageRunner, extensions: &[Extension]) -> Result<Exit, Failure> {
@@ -313,7 +313,7 @@ fn run_job(global: &GlobalArgs, job: Job, runner: &dyn StageRunner, extensions: 
     let (verbosity, log) = (global.verbosity(), global.log_args());
     match job {
         Job::Own(command, defaults) => {
-            dispatch(command, &Session { runner, verbosity, log, defaults, interrupt, extensions })
+            dispatch(*command, &Session { runner, verbosity, log, defaults, interrupt, extensions })
         }
         Job::Other(extension, matches) => {
             let run = interrupt.run();

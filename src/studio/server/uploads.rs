@@ -160,7 +160,9 @@ mod tests {
     use super::*;
 
     fn uploads(folder: &Path, max_bytes: u64) -> Uploads {
-        Uploads { max_bytes, ..Uploads::new(Some(folder)).expect("a folder") }
+        let mut uploads = Uploads::new(Some(folder)).expect("a folder");
+        uploads.max_bytes = max_bytes;
+        uploads
     }
 
     fn receive(uploads: &Uploads, name: &str, content: &'static str) -> io::Result<PathBuf> {
