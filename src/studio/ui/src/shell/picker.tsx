@@ -10,7 +10,8 @@ import { workspaceIcon } from "./top_bar";
 const close = () => (overlay.value = null);
 const lastFolder = remembered("folder", "");
 
-export function Picker() {
+/** The folder that is shown, what of it is typed and chosen, and the ways on. */
+function useFolder() {
   const [listing, setListing] = useState<FolderListing | null>(null);
   const [problem, setProblem] = useState<string | null>(null);
   const [filter, setFilter] = useState("");
@@ -39,7 +40,13 @@ export function Picker() {
     setProblem(null);
     openFile(entry.path).then((info) => { close(); add(info); }, (error: unknown) => setProblem(reasonOf(error)));
   };
-  const up = () => listing?.parent !== null && listing?.parent !== undefined && go(listing.parent);
+  const up = () => { if (listing?.parent !== null && listing?.parent !== undefined) go(listing.parent); };
+  const type = (text: string) => { setFilter(text); setAt(0); };
+  return { listing, problem, filter, type, shown, at, setAt, choose, up };
+}
+
+export function Picker() {
+  const { listing, problem, filter, type, shown, at, setAt, choose, up } = useFolder();
   const onKeyDown = (event: KeyboardEvent) => {
     const step = { ArrowDown: 1, ArrowUp: -1, PageDown: 10, PageUp: -10 }[event.key];
     if (step !== undefined) setAt(Math.min(shown.length - 1, Math.max(0, at + step)));
@@ -57,7 +64,7 @@ export function Picker() {
       </div>
       <input data-autofocus type="text" role="combobox" aria-expanded="true" aria-controls="picker-list" aria-label="Find in this folder" aria-autocomplete="list"
         aria-activedescendant={shown[at] ? `picker-${at}` : undefined} placeholder="Type to find; arrow keys choose, Enter opens, Backspace goes up"
-        autocomplete="off" spellcheck={false} value={filter} onInput={(event) => { setFilter(event.currentTarget.value); setAt(0); }} onKeyDown={onKeyDown} />
+        autocomplete="off" spellcheck={false} value={filter} onInput={(event) => type(event.currentTarget.value)} onKeyDown={onKeyDown} />
       {problem && <p class="error-text" role="alert">{problem}</p>}
       {listing?.cut && <p class="muted">This folder has more files than are listed.</p>}
       <Entries shown={shown} at={at} setAt={setAt} choose={choose} empty={listing ? "Nothing here that the studio opens" : "Reading the folder"} />

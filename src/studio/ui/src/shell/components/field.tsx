@@ -70,30 +70,8 @@ export function SliderField(props: NumberProps & { min: number; max: number; log
 
 /** The input alone, for tables and rows of x, y, z; the name comes from `label`. */
 export function NumberInput(props: NumberProps & { id?: string }) {
-  const { id, label, value, onChange, min = -Infinity, max = Infinity, step = 1, unit, digits = 3, disabled } = props;
-  const [typed, setTyped] = useState<string | null>(null);
-  const shown = typed ?? formatNumber(value, digits);
-  const invalid = typed !== null && typed.trim() !== "" && parseNumber(typed) === null;
-  const set = (next: number) => {
-    const kept = Math.min(max, Math.max(min, next));
-    if (kept !== value) onChange(kept);
-    setTyped(null);
-  };
-  const commit = () => {
-    const next = typed === null ? null : parseNumber(typed);
-    if (next === null) setTyped(null);
-    else set(next);
-  };
-  const onKeyDown = (event: KeyboardEvent) => {
-    const sign = event.key === "ArrowUp" ? 1 : event.key === "ArrowDown" ? -1 : 0;
-    if (event.key === "Enter") commit();
-    else if (event.key === "Escape" && typed !== null) setTyped(null), event.stopPropagation();
-    else if (sign !== 0) {
-      event.preventDefault();
-      const from = (typed === null ? null : parseNumber(typed)) ?? value ?? 0;
-      set(Number((from + sign * step * (event.shiftKey ? 10 : 1)).toPrecision(12)));
-    }
-  };
+  const { id, label, unit, disabled } = props;
+  const { shown, invalid, type, commit, onKeyDown } = useNumberText(props);
   return (
     <span class="unit-input">
       <input
@@ -108,13 +86,38 @@ export function NumberInput(props: NumberProps & { id?: string }) {
         disabled={disabled}
         style={unit ? { paddingRight: `${unit.length * 9 + 12}px` } : undefined}
         onFocus={(event) => event.currentTarget.select()}
-        onInput={(event) => setTyped(event.currentTarget.value)}
+        onInput={(event) => type(event.currentTarget.value)}
         onBlur={commit}
         onKeyDown={onKeyDown}
       />
       {unit && <span class="unit" aria-hidden="true">{unit}</span>}
     </span>
   );
+}
+
+/** What is typed until it is decided, and the steps of the arrow keys. */
+function useNumberText({ value, onChange, min = -Infinity, max = Infinity, step = 1, digits = 3 }: NumberProps) {
+  const [typed, type] = useState<string | null>(null);
+  const meant = typed === null ? null : parseNumber(typed);
+  const set = (next: number) => {
+    const kept = Math.min(max, Math.max(min, next));
+    if (kept !== value) onChange(kept);
+    type(null);
+  };
+  const commit = () => (meant === null ? type(null) : set(meant));
+  const onKeyDown = (event: KeyboardEvent) => {
+    const sign = event.key === "ArrowUp" ? 1 : event.key === "ArrowDown" ? -1 : 0;
+    if (event.key === "Enter") commit();
+    else if (event.key === "Escape" && typed !== null) {
+      type(null);
+      event.stopPropagation();
+    } else if (sign !== 0) {
+      event.preventDefault();
+      set(Number(((meant ?? value ?? 0) + sign * step * (event.shiftKey ? 10 : 1)).toPrecision(12)));
+    }
+  };
+  const invalid = typed !== null && typed.trim() !== "" && meant === null;
+  return { shown: typed ?? formatNumber(value, digits), invalid, type, commit, onKeyDown };
 }
 
 /** A line of text, decided by Enter or when the focus leaves. */

@@ -1,6 +1,7 @@
 // Lists and trees of things in a view: joints, handles, lines. Whatever can be pointed at in a picture can be chosen here.
 import type { ComponentChildren } from "preact";
 import { useEffect, useId, useRef, useState } from "preact/hooks";
+import { useSelection } from "./list_selection";
 import { Icon, type IconName } from "./icon";
 
 /** An entry. */
@@ -19,7 +20,7 @@ export interface Item {
 /** An entry of a tree; `parent` is an id, or null for a root. Parents come before their children. */
 export interface Node extends Item { parent: string | null }
 
-interface Common {
+export interface Common {
   label: string;
   selected: readonly string[];
   onSelect: (ids: string[]) => void;
@@ -55,7 +56,8 @@ export function Tree(props: Common & { nodes: readonly Node[]; onMove?: (ids: st
   return <Rows {...props} role="tree" rows={visibleRows(props.nodes, folded)} fold={fold} />;
 }
 
-interface Row { item: Item & { parent?: string | null }; depth: number; expanded: boolean | undefined; setSize: number; position: number }
+/** An entry that is shown: depth and, where it has children, whether they are. */
+export interface Row { item: Item & { parent?: string | null }; depth: number; expanded: boolean | undefined; setSize: number; position: number }
 
 /** Depth first, in the order given, without what is below a folded entry. */
 function visibleRows(nodes: readonly Node[], folded: ReadonlySet<string>): Row[] {
@@ -77,7 +79,7 @@ function visibleRows(nodes: readonly Node[], folded: ReadonlySet<string>): Row[]
   return rows;
 }
 
-type RowsProps = Common & {
+export type RowsProps = Common & {
   role: "listbox" | "tree";
   rows: readonly Row[];
   fold?: (id: string, closed: boolean) => void;
@@ -163,145 +165,4 @@ function RenameInput({ item, onDone }: { item: Item; onDone: (text: string | nul
   };
   return <input ref={input} class="grow" aria-label={`New name of ${item.label}`} defaultValue={item.label} onKeyDown={onKeyDown}
     onBlur={() => onDone(input.current?.value ?? null)} onClick={(event) => event.stopPropagation()} />;
-}
-
-/** Selection, keyboard, renaming and dragging of the rows. */
-function useSelection(props: RowsProps) {
-  const { rows, selected, multiple } = props;
-  /** What this list chose last: another selection came from outside, and its entry is the active one. */
-  const own = useRef("");
-  const onSelect = (ids: string[]) => {
-    own.current = ids.join("\n");
-    props.onSelect(ids);
-  };
-  const [focused, setActive] = useState<string | null>(null);
-  const [anchor, setAnchor] = useState<string | null>(null);
-  const [renaming, setRenaming] = useState<string | null>(null);
-  const [dropTarget, setDropTarget] = useState<string | null>(null);
-  const order = rows.map((row) => row.item.id);
-  const lastSelected = selected[selected.length - 1] ?? null;
-  const keeps = focused !== null && order.includes(focused) && (selected.includes(focused) || selected.length === 0 || selected.join("\n") === own.current);
-  const active = keeps ? focused : (lastSelected ?? order[0] ?? null);
-
-  const range = (from: string | null, to: string) => {
-    const [a, b] = [order.indexOf(from ?? to), order.indexOf(to)].sort((x, y) => x - y);
-    return order.slice(a, (b ?? 0) + 1);
-  };
-  const choose = (id: string, how: { ctrlKey: boolean; shiftKey: boolean; metaKey?: boolean }) => {
-    setActive(id);
-    if (multiple && how.shiftKey) return onSelect(range(anchor ?? active, id));
-    setAnchor(id);
-    if (multiple && (how.ctrlKey || how.metaKey)) onSelect(selected.includes(id) ? selected.filter((other) => other !== id) : [...selected, id]);
-    else onSelect([id]);
-  };
-  const activate = (id: string) => {
-    if (props.onActivate) props.onActivate(id);
-    else if (props.onRename) setRenaming(id);
-  };
-  const rename = (id: string, text: string | null) => {
-    setRenaming(null);
-    const old = rows.find((row) => row.item.id === id)?.item.label;
-    if (text !== null && text.trim() !== "" && text !== old) props.onRename?.(id, text.trim());
-  };
-  const moved = (ids: readonly string[]) => (selected.length > 0 ? [...selected] : [...ids]);
-  const onKeyDown = (event: KeyboardEvent) => {
-    if (event.target !== event.currentTarget) return;
-    const action = keyAction(event, { props, rows, order, active, choose, setActive, onSelect });
-    if (event.key === "F2" && active && props.onRename) setRenaming(active);
-    else if (event.key === "Enter" && active) activate(active);
-    else if (!action) return;
-    event.preventDefault();
-    event.stopPropagation();
-  };
-  const dragging = (id: string) => {
-    if (!props.onMove) return {};
-    const end = () => setDropTarget(null);
-    return {
-      onDragStart: (event: DragEvent) => { event.dataTransfer?.setData("text/x-plumbline-node", id); if (!selected.includes(id)) onSelect([id]); },
-      onDragOver: (event: DragEvent) => { if (event.dataTransfer?.types.includes("text/x-plumbline-node")) { event.preventDefault(); setDropTarget(id); } },
-      onDragLeave: end,
-      onDragEnd: end,
-      onDrop: (event: DragEvent) => {
-        event.preventDefault();
-        end();
-        event.stopPropagation();
-        const ids = moved([event.dataTransfer?.getData("text/x-plumbline-node") ?? ""]).filter((other) => other !== "" && other !== id);
-        if (ids.length > 0) props.onMove?.(ids, id);
-      },
-    };
-  };
-  /** Dropped below the last entry: becomes a root. */
-  const dropOutside = {
-    onDragOver: (event: DragEvent) => { if (props.onMove && event.dataTransfer?.types.includes("text/x-plumbline-node")) event.preventDefault(); },
-    onDrop: (event: DragEvent) => {
-      const id = event.dataTransfer?.getData("text/x-plumbline-node");
-      if (!props.onMove || !id) return;
-      event.preventDefault();
-      props.onMove(moved([id]), null);
-    },
-  };
-  return { active, renaming, dropTarget, dropOutside, onKeyDown, click: choose, activate, rename, dragging };
-}
-
-interface KeyContext {
-  props: RowsProps;
-  rows: readonly Row[];
-  order: string[];
-  active: string | null;
-  choose: (id: string, how: { ctrlKey: boolean; shiftKey: boolean }) => void;
-  setActive: (id: string) => void;
-  onSelect: (ids: string[]) => void;
-}
-
-/** What a key does in a list; false where it means nothing here. */
-function keyAction(event: KeyboardEvent, context: KeyContext): boolean {
-  const { props, rows, order, active } = context;
-  const at = active === null ? -1 : order.indexOf(active);
-  const row = rows[at];
-  if (event.altKey) return props.onMove && row ? moveByKey(event.key, context, at) : false;
-  const go = (to: number) => {
-    const id = order[Math.min(order.length - 1, Math.max(0, to))];
-    if (id === undefined) return true;
-    if (event.ctrlKey && props.multiple) context.setActive(id);
-    else context.choose(id, { ctrlKey: false, shiftKey: event.shiftKey });
-    return true;
-  };
-  switch (event.key) {
-    case "ArrowDown": return go(at + 1);
-    case "ArrowUp": return go(at - 1);
-    case "Home": return go(0);
-    case "End": return go(order.length - 1);
-    case "ArrowRight":
-      if (row?.expanded === undefined) return false;
-      return row.expanded ? go(at + 1) : (props.fold?.(row.item.id, false), true);
-    case "ArrowLeft":
-      if (row?.expanded) return props.fold?.(row.item.id, true), true;
-      return row?.item.parent ? go(order.indexOf(row.item.parent)) : false;
-    case " ": return active !== null && (context.choose(active, { ctrlKey: props.multiple === true, shiftKey: false }), true);
-    case "a": return event.ctrlKey && props.multiple ? (context.onSelect(order), true) : false;
-    case "Delete": return props.onDelete && props.selected.length > 0 ? (props.onDelete([...props.selected]), true) : false;
-    default: return byLetter(event, rows, at, go);
-  }
-}
-
-/** A letter goes to the next entry that starts with it. */
-function byLetter(event: KeyboardEvent, rows: readonly Row[], at: number, go: (to: number) => boolean): boolean {
-  if (event.key.length !== 1 || event.ctrlKey || event.metaKey || !/[\p{L}\p{N}]/u.test(event.key)) return false;
-  const count = rows.length;
-  for (let step = 1; step <= count; step++) {
-    const to = (at + step + count) % count;
-    if (rows[to]?.item.label.toLowerCase().startsWith(event.key.toLowerCase())) return go(to);
-  }
-  return false;
-}
-
-/** Alt+Left: to the parent of the parent. Alt+Right: below the entry before it on the same level. */
-function moveByKey(key: string, { props, rows }: KeyContext, at: number): boolean {
-  const row = rows[at];
-  if (!row || !props.onMove) return false;
-  const parentOf = (id: string | null | undefined) => rows.find((other) => other.item.id === id)?.item.parent ?? null;
-  if (key === "ArrowLeft" && row.item.parent) return props.onMove([row.item.id], parentOf(row.item.parent)), true;
-  const before = rows.slice(0, at).reverse().find((other) => other.depth <= row.depth);
-  if (key === "ArrowRight" && before?.depth === row.depth) return props.onMove([row.item.id], before.item.id), true;
-  return false;
 }
