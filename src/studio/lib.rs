@@ -5,6 +5,7 @@
 //! the workspace, and is brought up to date in slices on the thread of the document ([`session`]). The page draws; it solves nothing.
 
 mod browser;
+pub mod character;
 pub mod command;
 pub mod content;
 pub mod downloads;
@@ -16,6 +17,7 @@ pub mod history;
 pub mod mesh;
 pub mod outbox;
 pub mod photo;
+mod pipeline_file;
 pub mod protocol;
 pub mod recovery;
 pub mod registry;

@@ -32,6 +32,9 @@ const fn kind<W: Workspace>(opens: fn(&Content) -> bool) -> Kind {
 
 /// All kinds. The first that opens a file has it.
 pub const KINDS: &[Kind] = &[
+    kind::<crate::character::CharacterWorkspace>(|content| {
+        *content == Content::Character || content.has_stage(&["character.pose"])
+    }),
     kind::<crate::mesh::MeshWorkspace>(|content| *content == Content::Mesh || content.has_stage(&["mesh.deform"])),
     kind::<crate::photo::PhotoWorkspace>(|content| *content == Content::Photo || content.has_stage(&["photo.rectify"])),
     #[cfg(any(test, debug_assertions))]

@@ -1,0 +1,275 @@
+//! The pose: forward and inverse kinematics, targets, the library.
+//!
+//! A drag solves from the pose that is shown and keeps what it finds as the pose before targets, so that forward and inverse kinematics
+//! go on from each other and the saved pose is the one that was seen.
+
+use std::sync::Arc;
+
+use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+
+use super::super::document::{CharacterDocument, NamedTarget, PoseDocument, offsets};
+use super::super::message::{Edit, Target as TargetMessage, TargetKind};
+use super::super::solve::{options, targets};
+use super::{Around, Edited, joint, name, point, refused, rotation, vector};
+use crate::error::StudioError;
+use crate::workspace::Step;
+use plumbline_num::math::Trs;
+use plumbline_num::run::Run;
+use plumbline_shape::character::edit::other_side;
+use plumbline_shape::character::ik::{Goal, Target, solve, within_limits};
+use plumbline_shape::character::{Pose, Skeleton};
+
+/// Maximum number of targets and of poses in the library.
+const MAX_TARGETS: usize = 256;
+const MAX_POSES: usize = 1000;
+
+pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Around<'_>) -> Edited {
+    let skeleton = around.skeleton(document)?;
+    let at = Posing { document, skeleton: &skeleton, shown: around.pose(&skeleton) };
+    match edit {
+        Edit::Rotate { joint, rotation: q } => at.rotate(joint, rotation(q)?),
+        Edit::Translate { joint, translation } => at.translate(joint, vector(translation)?),
+        Edit::Drag { joint, point: p, to } => at.drag(joint, point(p)?, point(to)?),
+        Edit::Pin { joint, orientation } => at.pin(joint, orientation),
+        Edit::AddTarget { target } => at.with_targets("Add a target", |all| {
+            all.push(NamedTarget::of(at.skeleton, at.target(&target)?));
+            Ok(())
+        }),
+        Edit::SetTarget { index, target } => at.set_target(index, &target),
+        Edit::RemoveTarget { index } => at.with_targets("Remove a target", |all| {
+            let known = index < all.len();
+            known.then(|| all.remove(index)).map(drop).ok_or_else(|| no_target(index))
+        }),
+        Edit::ResetPose { joints } => at.reset(joints.as_deref()),
+        Edit::MirrorPose => Ok(at.posed(&mirrored(&skeleton, &at.shown)?, "Mirror the pose")),
+        Edit::BakePose => {
+            let mut step = at.posed(&at.shown, "Bake the pose");
+            Arc::make_mut(&mut step.document.pose).targets.clear();
+            Ok(step)
+        }
+        Edit::StorePose { name: text } => at.store(&name(&text)?),
+        Edit::ApplyPose { name } => {
+            let joints = document.poses.get(&name).ok_or_else(|| no_pose(&name))?;
+            let pose = PoseDocument { joints: (**joints).clone(), ..(*document.pose).clone() };
+            Ok(Step::new(with_pose(document, pose), format!("Apply pose {name}")))
+        }
+        Edit::RemovePose { name } => {
+            let mut poses = (*document.poses).clone();
+            poses.remove(&name).ok_or_else(|| no_pose(&name))?;
+            Ok(Step::new(CharacterDocument { poses: Arc::new(poses), ..document.clone() }, format!("Remove pose {name}")))
+        }
+        other => Err(StudioError::request(format!("this edit is not possible: {other:?}"))),
+    }
+}
+
+fn no_target(index: usize) -> StudioError {
+    StudioError::request(format!("there is no target {index}"))
+}
+
+fn no_pose(name: &str) -> StudioError {
+    StudioError::request(format!("the library has no pose {name:?}"))
+}
+
+fn with_pose(document: &CharacterDocument, pose: PoseDocument) -> CharacterDocument {
+    CharacterDocument { pose: Arc::new(pose), ..document.clone() }
+}
+
+/// The document, its skeleton and the pose that is shown.
+struct Posing<'a> {
+    document: &'a CharacterDocument,
+    skeleton: &'a Arc<Skeleton>,
+    shown: Pose,
+}
+
+impl Posing<'_> {
+    /// The document with this pose before its targets.
+    fn posed(&self, pose: &Pose, label: impl Into<String>) -> Step<CharacterDocument> {
+        let joints = offsets(self.skeleton, pose);
+        Step::new(with_pose(self.document, PoseDocument { joints, ..(*self.document.pose).clone() }), label)
+    }
+
+    fn name(&self, j: u32) -> Result<&str, StudioError> {
+        joint(self.skeleton, j).map(|j| j.name.as_str())
+    }
+
+    fn changed(&self, j: u32, change: impl Fn(&mut Trs)) -> Result<Pose, StudioError> {
+        joint(self.skeleton, j)?;
+        let mut pose = self.shown.clone();
+        change(&mut pose.locals[j as usize]);
+        Ok(within_limits(self.skeleton, &pose))
+    }
+
+    fn rotate(&self, j: u32, rotation: UnitQuaternion<f64>) -> Edited {
+        let rest = joint(self.skeleton, j)?.rest;
+        let pose = self.changed(j, |local| local.rotation = rest.rotation * rotation)?;
+        Ok(self.posed(&pose, format!("Rotate {}", self.name(j)?)).merged(format!("rotate {j}")))
+    }
+
+    /// `translation`: of the joint from its position at rest, in the axes of the model.
+    fn translate(&self, j: u32, translation: Vector3<f64>) -> Edited {
+        let own = joint(self.skeleton, j)?;
+        let above = match own.parent {
+            None => UnitQuaternion::identity(),
+            Some(parent) => Trs::from_matrix(&self.globals(&self.shown)?[parent as usize]).rotation,
+        };
+        let rest = own.rest.translation;
+        let pose = self.changed(j, |local| local.translation = rest + above.inverse() * translation)?;
+        Ok(self.posed(&pose, format!("Move {}", self.name(j)?)).merged(format!("translate {j}")))
+    }
+
+    fn globals(&self, pose: &Pose) -> Result<Vec<nalgebra::Matrix4<f64>>, StudioError> {
+        self.skeleton.globals(pose).map_err(refused)
+    }
+
+    /// The limb follows the hand; what is pinned stays.
+    fn drag(&self, j: u32, point: Point3<f64>, to: Point3<f64>) -> Edited {
+        joint(self.skeleton, j)?;
+        let mut all = targets(self.skeleton, &self.document.pose);
+        // A pin of the joint that is dragged gives way.
+        all.retain(|t| t.joint != j || !matches!(t.goal, Goal::Position { .. }));
+        all.push(Target { joint: j, goal: Goal::Position { point, at: to }, weight: 1.0, chain: self.limb(j) });
+        let options = options(self.skeleton, self.document);
+        let found = solve(self.skeleton, &self.shown, &all, &options, &Run::default()).map_err(refused)?;
+        Ok(self.posed(&found.pose, format!("Drag {}", self.name(j)?)).merged(format!("drag {j}")))
+    }
+
+    /// Ancestors that a drag moves: those of the limb, up to where it leaves the body, which is the first joint from which more than
+    /// one limb goes. A drag of the body itself moves all.
+    fn limb(&self, j: u32) -> Option<usize> {
+        let parent = |j: u32| self.skeleton.joints()[j as usize].parent;
+        let many = |j: &u32| self.skeleton.children(*j).len() > 1;
+        let above: Vec<u32> = std::iter::successors(parent(j), |j| parent(*j)).collect();
+        above.iter().position(many).filter(|count| *count > 0)
+    }
+
+    fn pin(&self, j: u32, orientation: bool) -> Edited {
+        let name = self.name(j)?.to_owned();
+        let pinned =
+            |t: &NamedTarget| t.joint == name && matches!(t.target.goal, Goal::Position { .. } | Goal::Orientation(_));
+        if self.document.pose.targets.iter().any(pinned) {
+            return self.with_targets(format!("Let {name} go"), |all| {
+                all.retain(|t| !pinned(t));
+                Ok(())
+            });
+        }
+        let frame = Trs::from_matrix(&self.globals(&self.shown)?[j as usize]);
+        let mut goals = vec![Goal::Position { point: Point3::origin(), at: frame.translation.into() }];
+        if orientation {
+            goals.push(Goal::Orientation(frame.rotation));
+        }
+        self.with_targets(format!("Pin {name}"), |all| {
+            let pins = goals.iter().map(|goal| Target { joint: j, goal: goal.clone(), weight: 1.0, chain: None });
+            all.extend(pins.map(|t| NamedTarget::of(self.skeleton, t)));
+            Ok(())
+        })
+    }
+
+    fn with_targets(
+        &self,
+        label: impl Into<String>,
+        change: impl FnOnce(&mut Vec<NamedTarget>) -> Result<(), StudioError>,
+    ) -> Edited {
+        let joints = offsets(self.skeleton, &self.shown);
+        let mut pose = PoseDocument { joints, ..(*self.document.pose).clone() };
+        change(&mut pose.targets)?;
+        if pose.targets.len() > MAX_TARGETS {
+            return Err(StudioError::request(format!("more than {MAX_TARGETS} targets")));
+        }
+        Ok(Step::new(with_pose(self.document, pose), label))
+    }
+
+    fn set_target(&self, index: usize, target: &TargetMessage) -> Edited {
+        let new = NamedTarget::of(self.skeleton, self.target(target)?);
+        let step = self.with_targets("Move a target", |all| {
+            *all.get_mut(index).ok_or_else(|| no_target(index))? = new;
+            Ok(())
+        })?;
+        Ok(step.merged(format!("target {index}")))
+    }
+
+    /// The library's target of a message.
+    fn target(&self, message: &TargetMessage) -> Result<Target, StudioError> {
+        let &TargetMessage { joint: j, kind, at, weight } = message;
+        let own = joint(self.skeleton, j)?;
+        let at = point(at)?;
+        if !(weight > 0.0 && weight.is_finite()) {
+            return Err(StudioError::request(format!("weight {weight} is not above 0")));
+        }
+        let goal = match kind {
+            TargetKind::Position => Goal::Position { point: Point3::origin(), at },
+            TargetKind::Orientation => {
+                Goal::Orientation(Trs::from_matrix(&self.globals(&self.shown)?[j as usize]).rotation)
+            }
+            TargetKind::LookAt => Goal::LookAt { axis: self.axis(j), at },
+            TargetKind::Pole => {
+                let middle = own.parent;
+                let root = middle.and_then(|m| self.skeleton.joints()[m as usize].parent);
+                let (Some(middle), Some(root)) = (middle, root) else {
+                    return Err(StudioError::request("a pole needs two joints above its own"));
+                };
+                Goal::Pole { root, middle, at }
+            }
+        };
+        Ok(Target { joint: j, goal, weight, chain: None })
+    }
+
+    /// Where a joint looks, in its frame: along the bone to its only child, else away from its parent.
+    fn axis(&self, j: u32) -> Unit<Vector3<f64>> {
+        let along = match self.skeleton.children(j) {
+            [child] => self.skeleton.joints()[*child as usize].rest.translation,
+            _ => {
+                let rest = self.skeleton.joints()[j as usize].rest;
+                rest.rotation.inverse() * rest.translation
+            }
+        };
+        Unit::try_new(along, 0.0).unwrap_or_else(Vector3::z_axis)
+    }
+
+    fn reset(&self, joints: Option<&[u32]>) -> Edited {
+        let Some(joints) = joints else {
+            let pose = PoseDocument { joints: Default::default(), ..(*self.document.pose).clone() };
+            return Ok(Step::new(with_pose(self.document, pose), "Rest pose"));
+        };
+        let mut pose = self.shown.clone();
+        for &j in joints {
+            pose.locals[j as usize % pose.locals.len()] = joint(self.skeleton, j)?.rest;
+        }
+        Ok(self.posed(&pose, "Joints at rest"))
+    }
+
+    fn store(&self, name: &str) -> Edited {
+        let mut poses = (*self.document.poses).clone();
+        if poses.len() >= MAX_POSES {
+            return Err(StudioError::request(format!("the library holds {MAX_POSES} poses")));
+        }
+        poses.insert(name.to_owned(), Arc::new(offsets(self.skeleton, &self.shown)));
+        Ok(Step::new(CharacterDocument { poses: Arc::new(poses), ..self.document.clone() }, format!("Store pose {name}")))
+    }
+}
+
+/// The pose with left and right exchanged: the rotation of each joint from rest, in the axes of the model, is reflected across x and
+/// given to the joint of the other side.
+fn mirrored(skeleton: &Skeleton, pose: &Pose) -> Result<Pose, StudioError> {
+    let rotations = |pose: &Pose| -> Result<Vec<UnitQuaternion<f64>>, StudioError> {
+        Ok(skeleton.globals(pose).map_err(refused)?.iter().map(|g| Trs::from_matrix(g).rotation).collect())
+    };
+    let (rest, now) = (rotations(&skeleton.rest_pose())?, rotations(pose)?);
+    let image = |j: usize| {
+        let name = &skeleton.joints()[j].name;
+        other_side(name).and_then(|other| skeleton.find(&other)).map_or(j, |o| o as usize)
+    };
+    let reflected = |q: UnitQuaternion<f64>| {
+        UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(q.w, q.i, -q.j, -q.k))
+    };
+    let world = |j: usize| reflected(now[image(j)] * rest[image(j)].inverse()) * rest[j];
+    let mut out = pose.clone();
+    for (j, own) in skeleton.joints().iter().enumerate() {
+        let above = own.parent.map_or_else(UnitQuaternion::identity, |p| world(p as usize));
+        out.locals[j].rotation = above.inverse() * world(j);
+        let other = &skeleton.joints()[image(j)];
+        let shift = pose.locals[image(j)].translation - other.rest.translation;
+        let shift = if own.parent.is_none() { Vector3::new(-shift.x, shift.y, shift.z) } else { Vector3::zeros() };
+        out.locals[j].translation = own.rest.translation + shift;
+    }
+    Ok(within_limits(skeleton, &out))
+}
