@@ -24,6 +24,12 @@ const exact = (page, timeout = 40_000) => until(async () => {
   return / px$/.test(text ?? "") && !(await page.locator("[data-working=true]").count());
 }, "the picture at rest", timeout);
 
+/** Until nothing is computed, and the top bar has faded it out. */
+const idle = async (page) => {
+  await page.locator("[data-working=false]").waitFor({ timeout: 40_000, state: "attached" });
+  await page.waitForTimeout(400);
+};
+
 /** Where a position of the photo is on the screen, the whole photo being shown. */
 async function at(page, [x, y]) {
   const box = await source(page).boundingBox();
@@ -61,6 +67,7 @@ const stepsOf = async (page) => {
 test("a photo is made straight: lines drawn, moved, adopted and oriented, lens, face, saved and run", { media: [ROOM, "room-kb-125.lens.json"], open: ROOM, timeout: 200_000 }, async ({ page, server, folder }) => {
   await open(page);
   await page.getByRole("alert").getByText("the lens is not known").waitFor();
+  await idle(page);
   await inBothThemes(page, "photo-without-lens");
   // Three curved lines determine the lens.
   for (const name of ["beam 2 near", "floor joint across 5", "shelf 5", "ceiling left"]) await draw(page, name, 7);
@@ -113,6 +120,7 @@ test("a photo is made straight: lines drawn, moved, adopted and oriented, lens, 
   await until(async () => (await face.textContent()).includes("64 × 84"), "the face to grow");
   await page.keyboard.press("g");
   await exact(page);
+  await idle(page);
   await inBothThemes(page, "photo");
   await picture(page, "studio-photo");
   await page.keyboard.press("g");
@@ -162,8 +170,10 @@ test("the keyboard alone marks a line, moves its end, sets orientation, lens and
   await open(page);
   await page.keyboard.press("Shift+L");
   await line(page, "line 1").waitFor();
+  await page.getByText("arrow keys move the point", { exact: false }).first().waitFor();
   await page.keyboard.press(".");
-  await until(async () => (await pointText(page, "Start")) !== null, "the points");
+  await page.keyboard.press(",");
+  await until(async () => (await page.getByRole("listbox", { name: /^Points of/ }).getByRole("option", { selected: true }).textContent()).startsWith("Start"), "the start");
   const before = await pointText(page, "Start");
   await page.keyboard.press("Alt+ArrowUp");
   await page.keyboard.press("Alt+Shift+ArrowLeft");
@@ -191,6 +201,7 @@ test("the keyboard alone marks a line, moves its end, sets orientation, lens and
   await list(page, "Faces").focus();
   await page.keyboard.press("Delete");
   await until(async () => (await face.count()) === 0, "no face");
+  await idle(page);
   await audit(page, "after keys");
   await page.keyboard.press("Control+s");
   await page.locator(".saved-state").getByText("Saved", { exact: true }).waitFor();

@@ -18,8 +18,8 @@ function tools(page: PhotoPage): Command[] {
 }
 
 function lines(page: PhotoPage): Command[] {
-  const selected = () => page.state.value.selected.lines.length > 0;
-  const something = () => selected() || page.state.value.selected.faces.length > 0;
+  const selected = () => page.selected.value.lines.length > 0;
+  const something = () => selected() || page.selected.value.faces.length > 0;
   const one = () => page.line.value !== null;
   return [
     { id: "add-line", title: "Add a line in the middle", group: "Lines", shortcut: "Shift+L", run: () => page.addLineInMiddle() },

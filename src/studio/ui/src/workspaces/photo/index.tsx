@@ -95,7 +95,7 @@ function hintOf(page: PhotoPage): string {
     return page.drawing.value.length === 0 ? "click along a straight edge, or drag from end to end" : "click further points; Enter ends the line, Esc drops it";
   }
   if (page.tool.value === "face") return "drag a box around a face";
-  if (page.state.value.selected.point !== null) return "arrow keys move the point by a pixel";
+  if (page.selected.value.point !== null) return "arrow keys move the point by a pixel";
   return page.line.value !== null ? "drag the line or its points; double-click adds a point" : "L draws a line";
 }
 

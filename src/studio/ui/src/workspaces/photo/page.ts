@@ -1,7 +1,7 @@
 // What the photo page knows: state and buffers of the server, tool, view; and the actions that buttons, keys and pointer share.
 import { computed, effect, signal, type ReadonlySignal, type Signal } from "@preact/signals";
 import type { Connection, Incoming } from "../../connection";
-import { BufferKind, type Edit, type FaceInfo, type LineInfo, type OrientationSetting, type State } from "../../generated/photo";
+import { BufferKind, type Edit, type FaceInfo, type LineInfo, type OrientationSetting, type Selected, type State } from "../../generated/photo";
 import { remembered } from "../../shell/remembered";
 import { Camera } from "./camera";
 import { curvesOf, gridOf, marksOf, pictureOf, type Curves, type Grid, type Picture, type Point } from "./decode";
@@ -38,8 +38,11 @@ export class PhotoPage {
   /** Zoom and place, the same for both pictures. */
   readonly camera = new Camera();
   readonly state: ReadonlySignal<State>;
-  readonly line = computed(() => last(this.state.value.selected.lines));
-  readonly face = computed(() => last(this.state.value.selected.faces));
+  /** Selected here, before the server answers: the next key counts from it. */
+  private readonly selecting = signal<Selected | null>(null);
+  readonly selected = computed(() => this.selecting.value ?? this.state.value.selected);
+  readonly line = computed(() => last(this.selected.value.lines));
+  readonly face = computed(() => last(this.selected.value.faces));
 
   constructor(readonly connection: Connection<State>) {
     this.state = computed(() => connection.state.value as State);
@@ -98,9 +101,12 @@ export class PhotoPage {
   }
 
   select(lines: number[], point: number | null = null, faces: number[] = []) {
-    const { selected } = this.state.value;
+    const selected = this.selected.value;
     if (same(selected.lines, lines) && selected.point === point && same(selected.faces, faces)) return;
-    void this.edit({ do: "select", lines, point: point ?? undefined, faces });
+    const selecting: Selected = { lines, point, faces };
+    this.selecting.value = selecting;
+    const done = () => { if (this.selecting.value === selecting) this.selecting.value = null; };
+    this.edit({ do: "select", lines, point: point ?? undefined, faces }).then(done, done);
   }
 
   setTool(tool: Tool) {
@@ -119,7 +125,7 @@ export class PhotoPage {
   /** Moves the selected point, line or face by px of the source. */
   nudge(dx: number, dy: number) {
     const { line: at, face } = { line: this.line.value, face: this.face.value };
-    const { point } = this.state.value.selected;
+    const { point } = this.selected.value;
     if (at !== null && point !== null) {
       const p = this.points(at)[point];
       if (p) this.movePoint(at, point, p[0] + dx, p[1] + dy);
@@ -173,7 +179,7 @@ export class PhotoPage {
     const at = this.line.value;
     if (at === null) return this.select([by > 0 ? 0 : lines.length - 1], 0);
     const count = lines[at]?.points ?? 0;
-    const point = this.state.value.selected.point;
+    const point = this.selected.value.point;
     const next = point === null ? (by > 0 ? 0 : count - 1) : point + by;
     if (next >= 0 && next < count) return this.select([at], next);
     const line = (at + by + lines.length) % lines.length;
@@ -181,7 +187,7 @@ export class PhotoPage {
   }
 
   deleteSelected() {
-    const { lines, faces, point } = this.state.value.selected;
+    const { lines, faces, point } = this.selected.value;
     const at = this.line.value;
     if (at !== null && point !== null && (this.lineInfo(at)?.points ?? 0) > 2) void this.edit({ do: "remove_point", line: at, point });
     else if (lines.length > 0) void this.edit({ do: "delete_lines", lines });
@@ -193,19 +199,19 @@ export class PhotoPage {
     const line = this.line.value;
     if (line === null) return;
     const points = this.marks.value[line] ?? [];
-    const at = Math.min(this.state.value.selected.point ?? 0, points.length - 2);
+    const at = Math.min(this.selected.value.point ?? 0, points.length - 2);
     const [a, b] = [points[at], points[at + 1]];
     if (a && b) void this.edit({ do: "insert_point", line, at: at + 1, x: (a[0] + b[0]) / 2, y: (a[1] + b[1]) / 2 });
   }
 
   orient(orientation: OrientationSetting) {
-    const { lines } = this.state.value.selected;
+    const { lines } = this.selected.value;
     if (lines.length > 0) void this.edit({ do: "orient", lines, orientation });
     else this.newOrientation.value = orientation;
   }
 
   switchSelected() {
-    const { lines, faces } = this.state.value.selected;
+    const { lines, faces } = this.selected.value;
     const infos = lines.map((k) => this.lineInfo(k));
     if (lines.length > 0) void this.edit({ do: "switch_lines", lines, off: infos.some((info) => info?.off === false) });
     else if (faces.length > 0) void this.edit({ do: "switch_faces", faces, off: faces.some((k) => this.faceInfo(k)?.off === false) });
@@ -218,6 +224,14 @@ export class PhotoPage {
     const names = found.filter(({ name, off }) => (chosen.length > 0 ? chosen.includes(name) : !off)).map(({ name }) => name);
     if (names.length > 0) void this.edit({ do: "adopt", names });
     this.chosenFound.value = [];
+  }
+
+  chosenAreOff(): boolean {
+    const chosen = this.chosenFound.value;
+    return (this.state.value.found ?? []).some(({ name, off }) => off && chosen.includes(name));
+  }
+  switchFound() {
+    void this.edit({ do: "switch_found", names: [...this.chosenFound.value], off: !this.chosenAreOff() });
   }
 
   addFaceInMiddle() {

@@ -1,5 +1,5 @@
 // Panels beside the pictures: lines and faces as lists, the selected one in numbers.
-import { Button, List, NumberField, NumberInput, Panel, Select, ToolButton, Toggle, type Item } from "../../shell/components";
+import { Button, Icon, List, NumberField, NumberInput, Panel, Select, ToolButton, Toggle, type Item } from "../../shell/components";
 import type { OrientationSetting } from "../../generated/photo";
 import { orientationColor } from "./colors";
 import type { PhotoPage } from "./page";
@@ -16,7 +16,8 @@ const nameOf = (orientation: OrientationSetting): OrientationName =>
 const px = (value: number) => (value < 0.095 ? value.toFixed(2) : value.toFixed(1));
 
 export function LinesPanel({ page }: { page: PhotoPage }) {
-  const { lines, selected } = page.state.value;
+  const { lines } = page.state.value;
+  const selected = page.selected.value;
   const items: Item[] = lines.map((line, k) => ({
     id: String(k),
     label: line.name,
@@ -37,7 +38,7 @@ export function LinesPanel({ page }: { page: PhotoPage }) {
 }
 
 function LineFields({ page }: { page: PhotoPage }) {
-  const { selected } = page.state.value;
+  const selected = page.selected.value;
   const info = page.lineInfo(page.line.value);
   const orientation = info?.orientation ?? page.newOrientation.value;
   const name = nameOf(orientation);
@@ -83,9 +84,9 @@ function Straightness({ page }: { page: PhotoPage }) {
 export function PointsPanel({ page }: { page: PhotoPage }) {
   const line = page.line.value;
   const info = page.lineInfo(line);
-  if (line === null || !info || page.state.value.selected.lines.length !== 1) return null;
+  if (line === null || !info || page.selected.value.lines.length !== 1) return null;
   const points = page.points(line);
-  const point = page.state.value.selected.point;
+  const point = page.selected.value.point;
   const p = point === null ? undefined : points[point];
   const items: Item[] = points.map(([x, y], k) => ({ id: String(k), label: k === 0 ? "Start" : k === points.length - 1 ? "End" : `Point ${k + 1}`, detail: `${x.toFixed(1)}, ${y.toFixed(1)}` }));
   return (
@@ -126,13 +127,15 @@ export function FoundPanel({ page }: { page: PhotoPage }) {
       <List label="Found lines" items={items} selected={chosen} multiple maxHeight={180} empty={found === null ? "Searching…" : "No line was found"}
         onSelect={(ids) => (page.chosenFound.value = ids)} onActivate={(name) => void page.edit({ do: "adopt", names: [name] })}
         onDelete={using === "found" ? (names) => void page.edit({ do: "switch_found", names, off: true }) : undefined} />
+      {using === "found" && chosen.length > 0 && <Button onClick={() => page.switchFound()}>{page.chosenAreOff() ? "Switch on" : "Switch off"}</Button>}
       <Toggle label="Show in the picture" checked={page.showFound.value} onChange={(on) => (page.showFound.value = on)} />
     </Panel>
   );
 }
 
 export function FacesPanel({ page }: { page: PhotoPage }) {
-  const { faces, faces_marked: marked, selected } = page.state.value;
+  const { faces, faces_marked: marked } = page.state.value;
+  const selected = page.selected.value;
   const items: Item[] = (faces ?? []).map((face, k) => ({
     id: String(k),
     label: face.name,
@@ -147,6 +150,12 @@ export function FacesPanel({ page }: { page: PhotoPage }) {
         onRename={(id, name) => void page.edit({ do: "rename_face", face: Number(id), name })}
         onDelete={(ids) => void page.edit({ do: "delete_faces", faces: ids.map(Number) })} />
       <FaceFields page={page} />
+      {selected.faces.length > 0 && (
+        <div class="row photo-actions">
+          <Button onClick={() => page.switchSelected()}>{page.faceInfo(page.face.value)?.off ? "Switch on" : "Switch off"}</Button>
+          <Button kind="danger" onClick={() => page.deleteSelected()}>Delete</Button>
+        </div>
+      )}
       <Toggle label="Show in the picture" checked={page.showFaces.value} onChange={(on) => (page.showFaces.value = on)} />
       {marked && <Button wide onClick={() => void page.edit({ do: "find_faces" })}>Find faces again</Button>}
     </Panel>
@@ -170,10 +179,12 @@ function FaceFields({ page }: { page: PhotoPage }) {
   );
 }
 
+/** For the pointer; by keyboard O, or the button below the list. */
 function Eye({ label, off, onClick }: { label: string; off: boolean; onClick: () => void }) {
+  const click = (event: MouseEvent) => { event.stopPropagation(); onClick(); };
   return (
-    <span onClick={(event) => event.stopPropagation()}>
-      <ToolButton label={`${off ? "Switch on" : "Switch off"} ${label}`} icon={off ? undefined : "eye"} path={off ? EYE_OFF : undefined} pressed={!off} onClick={onClick} />
+    <span class={`tool photo-eye ${off ? "muted" : ""}`} aria-hidden="true" title={`${off ? "Switch on" : "Switch off"} ${label}`} onClick={click}>
+      <Icon name={off ? undefined : "eye"} path={off ? EYE_OFF : undefined} />
     </span>
   );
 }

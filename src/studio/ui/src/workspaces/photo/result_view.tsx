@@ -38,7 +38,7 @@ class ResultScene {
 
   dependencies() {
     const { page } = this;
-    return [page.result.value, page.grid.value, page.carried.value, page.foundCarried.value, page.state.value, page.camera.zoom.value,
+    return [page.result.value, page.grid.value, page.carried.value, page.foundCarried.value, page.state.value, page.selected.value, page.camera.zoom.value,
       page.camera.middle.value, page.showGrid.value, page.showCarried.value];
   }
 
@@ -97,7 +97,8 @@ class ResultScene {
 
   private drawLines(context: CanvasRenderingContext2D, at: Placement) {
     const colors = colorsOf();
-    const { lines, selected } = this.page.state.value;
+    const { lines } = this.page.state.value;
+    const selected = this.page.selected.value;
     this.page.foundCarried.value.forEach((course) => stroke(context, course, at, colors.found, 1.25));
     this.page.carried.value.forEach((course, k) => {
       const info = lines[k];

@@ -66,7 +66,7 @@ export class SourcePointer {
   }
 
   private selectPressed(kind: string, a: number, b: number) {
-    const { selected } = this.page.state.value;
+    const selected = this.page.selected.value;
     if (kind === "point") this.page.select(selected.lines.includes(a) ? [...selected.lines.filter((k) => k !== a), a] : [a], b);
     else if (kind === "line" && this.press?.shift) this.page.select([...selected.lines.filter((k) => k !== a), a]);
     else if (kind === "line" && !selected.lines.includes(a)) this.page.select([a]);

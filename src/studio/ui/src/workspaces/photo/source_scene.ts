@@ -92,7 +92,8 @@ export class SourceScene {
   }
 
   private drawLines(at: Placement, colors: Colors) {
-    const { lines, selected } = this.page.state.value;
+    const { lines } = this.page.state.value;
+    const selected = this.page.selected.value;
     lines.forEach((info, k) => {
       const points = this.page.points(k);
       if (points.length < 2) return;
@@ -116,7 +117,8 @@ export class SourceScene {
   }
 
   private drawFaces(at: Placement, colors: Colors) {
-    const { faces, selected } = this.page.state.value;
+    const { faces } = this.page.state.value;
+    const selected = this.page.selected.value;
     faces?.forEach((face, k) => {
       const moving = this.page.movingFace.value;
       const [x, y, w, h] = moving?.face === k ? moving.rect : face.rect;
