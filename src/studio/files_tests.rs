@@ -77,7 +77,7 @@ fn a_change_by_another_program_is_seen_and_one_of_ours_is_not() {
     files.publish().expect("written");
     assert!(files.changed_on_disk().is_empty());
     std::fs::write(&side, "of another").expect("written");
-    assert_eq!(files.changed_on_disk(), [side.clone()]);
+    assert_eq!(files.changed_on_disk(), std::slice::from_ref(&side));
     files.accept_disk();
     assert!(files.changed_on_disk().is_empty());
     std::fs::remove_file(&side).expect("removed");

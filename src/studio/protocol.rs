@@ -23,15 +23,15 @@ pub struct FromPage {
     pub newest: Option<bool>,
     /// A change of the document, as its workspace defines it.
     #[serde(default)]
-    #[cfg_attr(test, ts(type = "unknown"))]
+    #[cfg_attr(test, ts(optional, type = "unknown"))]
     pub edit: Option<Value>,
     /// What is looked at.
     #[serde(default)]
-    #[cfg_attr(test, ts(type = "unknown"))]
+    #[cfg_attr(test, ts(optional, type = "unknown"))]
     pub view: Option<Value>,
     /// A question.
     #[serde(default)]
-    #[cfg_attr(test, ts(type = "unknown"))]
+    #[cfg_attr(test, ts(optional, type = "unknown"))]
     pub ask: Option<Value>,
     /// One step back.
     #[serde(default)]
@@ -230,7 +230,7 @@ pub struct Reply {
     pub error: Option<String>,
     /// Answer to a question.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[cfg_attr(test, ts(type = "unknown"))]
+    #[cfg_attr(test, ts(optional, type = "unknown"))]
     pub result: Option<Value>,
     /// Answer to a question: a file.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -79,7 +79,9 @@ impl Recovery {
         let header = Header { format: FORMAT.to_owned(), opened: opened.to_owned(), files };
         let mut bytes = serde_json::to_vec(&header).map_err(io::Error::other)?;
         bytes.push(b'\n');
-        texts.values().for_each(|text| bytes.extend_from_slice(text));
+        for text in texts.values() {
+            bytes.extend_from_slice(text);
+        }
         write_whole(&self.file(opened), &bytes, IfExists::Replace)
     }
 

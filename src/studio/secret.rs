@@ -12,7 +12,8 @@ impl Secret {
     pub fn random() -> Self {
         let mut bytes = [0; BYTES];
         getrandom::fill(&mut bytes).expect("the system has random numbers: no program starts without");
-        Self(bytes.iter().map(|b| format!("{b:02x}")).collect())
+        let digit = |nibble: u8| char::from_digit(u32::from(nibble), 16).expect("a nibble is below 16");
+        Self(bytes.iter().flat_map(|b| [digit(b >> 4), digit(b & 15)]).collect())
     }
 
     /// The text.

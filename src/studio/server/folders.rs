@@ -116,7 +116,7 @@ impl Folders {
         }
         let workspace = promised(path)?;
         let path = path.display().to_string();
-        found.is_file().then(|| Entry {
+        found.is_file().then_some(Entry {
             name,
             path,
             folder: false,

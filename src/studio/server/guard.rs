@@ -56,7 +56,7 @@ impl Hosts {
     }
 
     /// The name for links: the address, but for the unspecified one, which nobody can call.
-    pub(crate) fn shown(&self, address: IpAddr) -> String {
+    pub(crate) fn shown(address: IpAddr) -> String {
         match address {
             IpAddr::V4(address) if address.is_unspecified() => Ipv4Addr::LOCALHOST.to_string(),
             IpAddr::V4(address) => address.to_string(),

@@ -101,7 +101,7 @@ impl Server {
     /// Address of the page with a token that can be used once.
     pub fn url(&self) -> String {
         let scheme = self.studio.hosts.scheme();
-        let (host, port) = (self.studio.hosts.shown(self.address.ip()), self.address.port());
+        let (host, port) = (Hosts::shown(self.address.ip()), self.address.port());
         format!("{scheme}://{host}:{port}/#token={}", self.studio.tokens.invite().text())
     }
 

@@ -65,10 +65,14 @@ mod tests {
     fn the_last_document_comes_first_and_once_also_after_a_restart() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let names = ["a", "b", "c"].map(|name| folder.path().join(name));
-        names.iter().for_each(|path| std::fs::write(path, "").expect("written"));
+        for path in &names {
+            std::fs::write(path, "").expect("written");
+        }
         let file = folder.path().join("recent.json");
         let recent = Recent::new(Some(file.clone()));
-        [0, 1, 2, 0].iter().for_each(|k| recent.add(&names[*k], "mesh"));
+        for k in [0, 1, 2, 0] {
+            recent.add(&names[k], "mesh");
+        }
         std::fs::remove_file(&names[1]).expect("removed");
         let again = Recent::new(Some(file.clone()));
         let shown: Vec<_> = again.that(|_| true).into_iter().map(|opened| opened.path).collect();

@@ -129,7 +129,7 @@ impl Running {
         let host = [("Host", host.as_str())];
         let own = if more.iter().any(|(name, _)| *name == "Host") { &[][..] } else { &host[..] };
         for (name, value) in own.iter().chain(more) {
-            text += &format!("{name}: {value}\r\n");
+            text.extend([name, ": ", value, "\r\n"]);
         }
         self.raw(&(text + "\r\n" + body))
     }
@@ -610,7 +610,8 @@ fn the_page_is_there_also_where_it_was_not_built() {
 fn an_example_is_opened_as_a_copy() {
     let server = running();
     let examples = server.get("/api/examples").json();
-    let shown: Vec<&str> = examples.as_array().expect("a list").iter().filter_map(|e| e["workspace"].as_str()).collect();
+    let shown: Vec<&str> =
+        examples.as_array().expect("a list").iter().filter_map(|e| e["workspace"].as_str()).collect();
     assert_eq!(shown, ["mesh", "character", "photo"]);
     let answer = server.post("/api/open", &json!({ "path": "example:giraffe.ply" }));
     assert_eq!(answer.status, 200, "{}", answer.json());

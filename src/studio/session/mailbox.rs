@@ -103,12 +103,12 @@ impl Mailbox {
         if state.closed || full {
             return Posted::Refused;
         }
-        let replaced = replace_drag(&mut state.letters, &letter);
+        let posted = replace_drag(&mut state.letters, &letter);
         self.interrupt_for(&mut state, &letter);
         state.letters.push_back(letter);
         drop(state);
         self.arrived.notify_one();
-        replaced.map_or(Posted::Waits, Posted::Replaced)
+        posted
     }
 
     fn interrupt_for(&self, state: &mut State, letter: &Letter) {
@@ -209,14 +209,13 @@ impl Mailbox {
     }
 }
 
-/// Takes out the drag that waits where `letter` is a drag too and the window wanted nothing else meanwhile. Its number.
-fn replace_drag(letters: &mut VecDeque<Letter>, letter: &Letter) -> Option<Option<u32>> {
-    let window = letter.dragging()?;
-    let last = letters.iter().rposition(|waiting| waiting.window() == Some(window))?;
-    letters[last].dragging()?;
-    match letters.remove(last) {
-        Some(Letter::Command(request)) => Some(request.id),
-        _ => None,
+/// Takes out the drag that waits where `letter` is a drag too and the window wanted nothing else meanwhile.
+fn replace_drag(letters: &mut VecDeque<Letter>, letter: &Letter) -> Posted {
+    let window = letter.dragging();
+    let last = window.and_then(|_| letters.iter().rposition(|waiting| waiting.window() == window));
+    match last.filter(|k| letters[*k].dragging().is_some()).and_then(|k| letters.remove(k)) {
+        Some(Letter::Command(request)) => Posted::Replaced(request.id),
+        _ => Posted::Waits,
     }
 }
 

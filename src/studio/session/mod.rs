@@ -166,7 +166,9 @@ impl Document {
         }
         let (finished, left): (Vec<_>, Vec<_>) = threads.drain(..).partition(JoinHandle::is_finished);
         // A panic was reported where it happened.
-        finished.into_iter().for_each(|t| drop(t.join()));
+        for thread in finished {
+            drop(thread.join());
+        }
         *threads = left;
         threads.is_empty()
     }
