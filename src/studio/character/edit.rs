@@ -63,8 +63,15 @@ pub(super) use skeleton::add_clips;
 pub(super) fn shows_clip(edit: &Edit) -> Option<bool> {
     use Edit as E;
     match edit {
-        E::Rotate { .. } | E::Drag { .. } | E::Translate { .. } | E::ResetPose { .. } | E::MirrorPose | E::ApplyPose { .. } => Some(false),
-        E::Key { .. } | E::SetKey { .. } | E::MoveKeys { .. } | E::RemoveKeys { .. } | E::SelectClip { .. } => Some(true),
+        E::Rotate { .. }
+        | E::Drag { .. }
+        | E::Translate { .. }
+        | E::ResetPose { .. }
+        | E::MirrorPose
+        | E::ApplyPose { .. } => Some(false),
+        E::Key { .. } | E::SetKey { .. } | E::MoveKeys { .. } | E::RemoveKeys { .. } | E::SelectClip { .. } => {
+            Some(true)
+        }
         _ => None,
     }
 }
@@ -126,7 +133,9 @@ fn found(document: &CharacterDocument, finding: Finding, label: &str) -> Step<Ch
 
 fn skinning(document: &CharacterDocument, method: SkinningMethod) -> Edited {
     if method == SkinningMethod::Regression {
-        return Err(StudioError::request("regression needs a trained model (`plumbline skin train`), named in the pipeline file"));
+        return Err(StudioError::request(
+            "regression needs a trained model (`plumbline skin train`), named in the pipeline file",
+        ));
     }
     let label = format!("Skinning: {}", serde_json::to_value(method).unwrap_or_default().as_str().unwrap_or_default());
     Ok(Step::new(CharacterDocument { skinning: method, ..document.clone() }, label))

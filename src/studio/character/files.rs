@@ -1,5 +1,5 @@
-//! Reading and writing the files of a character: `NAME.character.toml`, `.skeleton.json`, `.weights.json`, `.pose.json`, and a `.rig.glb`
-//! with the clips and the library of poses, which are clips of one key.
+//! Reading and writing the files of a character: `NAME.character.toml`, `.skeleton.json` (with the clips, and the library of poses as clips
+//! of one key), `.weights.json`, `.pose.json`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ use plumbline_shape::character::{
     Character, Clip, Curve, Extrapolation, Interpolation, Joint, Keys, RigFileError, Skeleton, Skin, SkinWeights,
     WeightsFile,
 };
-use plumbline_shape::mesh::io::{WriteOptions, decode_model, encode_model};
+use plumbline_shape::mesh::io::{WriteOptions, encode_model};
 use plumbline_shape::mesh::{MeshFormat, Model, ReadLimits};
 
 const MAX_PIPELINE_BYTES: u64 = 4 << 20;
@@ -74,14 +74,17 @@ pub(super) fn open(files: &DocumentFiles, pipeline: PipelineText, model: Model) 
         poses: Arc::default(),
         clips: Arc::default(),
         clip: settings.clip.clone(),
-        skinning: super::message::METHODS.iter().find(|m| m.1 == method).map_or(SkinningMethod::DualQuaternion, |m| m.0),
+        skinning: super::message::METHODS
+            .iter()
+            .find(|m| m.1 == method)
+            .map_or(SkinningMethod::DualQuaternion, |m| m.0),
         pipeline,
     };
     let mut notices = Vec::new();
     match skeleton_of_files(files, &document)? {
         Some(rig) => {
             document.skeleton = SkeletonSource::Made(Arc::new(rig.skeleton.clone()));
-            super::edit::add_clips(&mut document, &rig);
+            add_movements(&mut document, rig)?;
         }
         None => own_rig(&mut document, &model, &mut notices)?,
     }
@@ -112,8 +115,8 @@ fn skeleton_of_files(files: &DocumentFiles, document: &CharacterDocument) -> Res
     let input = |e: &dyn std::fmt::Display| StudioError::Input { path: path.to_owned(), why: e.to_string() };
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
         let text = std::str::from_utf8(&bytes).map_err(|e| input(&e))?;
-        let skeleton = SkeletonFile::parse(text).map_err(|e| input(&e))?.skeleton;
-        return Ok(Some(Rig { skeleton, clips: Vec::new(), warnings: Vec::new() }));
+        let SkeletonFile { skeleton, clips, .. } = SkeletonFile::parse(text).map_err(|e| input(&e))?;
+        return Ok(Some(Rig { skeleton, clips, warnings: Vec::new() }));
     }
     let rig = plumbline_shape::character::io::read_rig(&files.confined(path)?, &ReadLimits::default(), &Run::default());
     rig.map(Some).map_err(|e| input(&e))
@@ -141,7 +144,8 @@ fn own_rig(document: &mut CharacterDocument, model: &Model, notices: &mut Vec<St
 fn in_bind_pose(character: &Character) -> Result<Skeleton, StudioError> {
     let joints = character.skeleton.joints();
     let inverse = character.skin.inverse_bind();
-    let bound = |j: usize| inverse[j].try_inverse().ok_or_else(|| StudioError::Method("a joint is bound without size".into()));
+    let bound =
+        |j: usize| inverse[j].try_inverse().ok_or_else(|| StudioError::Method("a joint is bound without size".into()));
     let joint = |(j, joint): (usize, &Joint)| -> Result<Joint, StudioError> {
         let above = joint.parent.map_or(nalgebra::Matrix4::identity(), |p| inverse[p as usize]);
         Ok(Joint { rest: Trs::from_matrix(&(above * bound(j)?)), ..joint.clone() })
@@ -165,14 +169,18 @@ fn side_files(
     if let Some(path) = settings.weights.as_deref().map(PathBuf::from) {
         let input = |e: &dyn std::fmt::Display| StudioError::Input { path: path.clone(), why: e.to_string() };
         if let Some(text) = text(&path)? {
-            let weights = WeightsFile::parse(&text).and_then(|f| Ok(f.for_skeleton(skeleton)?)).map_err(|e| input(&e))?;
+            let weights =
+                WeightsFile::parse(&text).and_then(|f| Ok(f.for_skeleton(skeleton)?)).map_err(|e| input(&e))?;
             if weights.vertex_count() != model.mesh().vertex_count() {
-                return Err(input(&format!("has {} rows for {} vertices", weights.vertex_count(), model.mesh().vertex_count())));
+                return Err(input(&format!(
+                    "has {} rows for {} vertices",
+                    weights.vertex_count(),
+                    model.mesh().vertex_count()
+                )));
             }
             document.weights = WeightSource::Given(Arc::new(weights), *document.weights.options());
         }
     }
-    read_clips(files, document, skeleton)?;
     if let Some(path) = settings.pose.as_deref().map(PathBuf::from)
         && let Some(text) = text(&path)?
     {
@@ -210,40 +218,25 @@ pub(super) fn character(
     let still = model.clone().with_articulation(None).map_err(|e| StudioError::Method(e.to_string()))?;
     let skin = Skin::bound(weights, skeleton).map_err(fault)?;
     let character = Character::new(still, (**skeleton).clone(), Arc::new(skin)).map_err(fault)?;
-    let clips = document.clips.iter().map(|clip| solve::clip(skeleton, clip)).collect::<Result<Vec<_>, _>>()?;
-    Ok(Character { clips: clips.into_iter().filter(|c| !c.tracks().is_empty()).collect(), ..character })
+    let clips = clips(skeleton, document)?.into_iter().filter(|c| !c.tracks().is_empty()).collect();
+    Ok(Character { clips, ..character })
 }
 
-fn clips_file(pipeline: &Path) -> PathBuf {
-    let name = pipeline.file_name().unwrap_or_default().to_string_lossy();
-    let stem = name.split('.').next().unwrap_or_default();
-    pipeline.with_file_name(format!("{stem}.rig.glb"))
+fn clips(skeleton: &Skeleton, document: &CharacterDocument) -> Result<Vec<Clip>, StudioError> {
+    document.clips.iter().map(|clip| solve::clip(skeleton, clip)).collect()
 }
 
-/// Clips and poses of the library, from the file beside the pipeline.
-fn read_clips(files: &DocumentFiles, document: &mut CharacterDocument, skeleton: &Arc<Skeleton>) -> Result<(), StudioError> {
-    let path = clips_file(document.pipeline.path());
-    let Some(bytes) = files.read(&path, MAX_SIDE_BYTES)? else { return Ok(()) };
-    let input = |e: &dyn std::fmt::Display| StudioError::Input { path: path.clone(), why: e.to_string() };
-    let model = decode_model(&bytes, MeshFormat::Glb, None, &ReadLimits::default(), &Run::default());
-    let read = character_of(&model.map_err(|e| input(&e))?).map_err(|e| input(&e))?;
-    let mut rig = Rig { skeleton: read.skeleton, clips: Vec::new(), warnings: Vec::new() };
-    let mut poses: BTreeMap<String, Arc<Offsets>> = BTreeMap::new();
-    for clip in read.clips {
-        match clip.name().strip_prefix(POSE) {
-            None => rig.clips.push(clip),
-            Some(name) => {
-                let pose = clip.pose(&rig.skeleton, 0.0, Extrapolation::Constant).map_err(|e| input(&e))?;
-                let all = offsets(&rig.skeleton, &pose);
-                let keyed = |joint: &String| clip.tracks().iter().any(|t| rig.skeleton.joints()[t.joint as usize].name == *joint);
-                let known = all.into_iter().filter(|(joint, _)| keyed(joint) && skeleton.find(joint).is_some());
-                poses.insert(name.to_owned(), Arc::new(known.collect()));
-            }
-        }
-    }
-    document.clips = Arc::default();
+/// The clips of a file, and its library of poses.
+fn add_movements(document: &mut CharacterDocument, mut rig: Rig) -> Result<(), StudioError> {
+    let (poses, clips): (Vec<_>, Vec<_>) = rig.clips.drain(..).partition(|clip| clip.name().starts_with(POSE));
+    rig.clips = clips;
     super::edit::add_clips(document, &rig);
-    document.poses = Arc::new(poses);
+    let library = |clip: &Clip| -> Result<(String, Arc<Offsets>), StudioError> {
+        let pose = clip.pose(&rig.skeleton, 0.0, Extrapolation::Constant).map_err(fault)?;
+        let name = clip.name().strip_prefix(POSE).unwrap_or_default().to_owned();
+        Ok((name, Arc::new(offsets(&rig.skeleton, &pose))))
+    };
+    document.poses = Arc::new(poses.iter().map(library).collect::<Result<_, _>>()?);
     Ok(())
 }
 
@@ -255,7 +248,8 @@ fn pose_clips(skeleton: &Skeleton, poses: &BTreeMap<String, Arc<Offsets>>) -> Re
         for joint in offsets.keys().filter(|joint| skeleton.find(joint).is_some()) {
             let local = pose.locals[skeleton.find(joint).unwrap_or_default() as usize];
             let rotation = rotations(vec![0.0], &[local.rotation], Interpolation::Step).map_err(fault)?;
-            let translation = Keys::new(vec![0.0], vec![local.translation.into()], Interpolation::Step).map_err(fault)?;
+            let translation =
+                Keys::new(vec![0.0], vec![local.translation.into()], Interpolation::Step).map_err(fault)?;
             for curve in [Curve::Rotation(rotation), Curve::Translation(translation)] {
                 curves.push(Arc::new(NamedCurve { joint: joint.clone(), curve }));
             }
@@ -268,7 +262,6 @@ fn pose_clips(skeleton: &Skeleton, poses: &BTreeMap<String, Arc<Offsets>>) -> Re
 /// Writes all files.
 pub(super) fn save(
     document: &CharacterDocument,
-    model: &Model,
     (skeleton, weights): (&Arc<Skeleton>, &Arc<SkinWeights>),
     files: &mut DocumentFiles,
 ) -> Result<(), StudioError> {
@@ -282,12 +275,13 @@ pub(super) fn save(
     let (pose, weights_file) = (named(&settings.pose, ".pose.json"), named(&settings.weights, ".weights.json"));
     let json = document.pipeline.skeleton().extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
     let skeleton_file = if json { document.pipeline.skeleton().to_owned() } else { side(".skeleton.json") };
-    files.write(&skeleton_file, SkeletonFile { skeleton: (**skeleton).clone(), curve: None }.to_json().into_bytes());
+    let mut clips = clips(skeleton, document)?;
+    clips.extend(pose_clips(skeleton, &document.poses)?);
+    let file = SkeletonFile { skeleton: (**skeleton).clone(), curve: None, clips };
+    files.write(&skeleton_file, file.to_json().into_bytes());
     files.write(&weights_file, WeightsFile::of(skeleton, weights).map_err(fault)?.to_json().into_bytes());
-    let mut changes = vec![
-        ("weights", Json::from(beside(&pipeline, &weights_file))),
-        ("skinning", skinning(document.skinning)),
-    ];
+    let mut changes =
+        vec![("weights", Json::from(beside(&pipeline, &weights_file))), ("skinning", skinning(document.skinning))];
     if settings.clip.is_none() {
         let text = solve::target_pose(skeleton, &document.pose).to_json(skeleton).map_err(fault)?;
         files.write(&pose, text.into_bytes());
@@ -298,20 +292,15 @@ pub(super) fn save(
         text = text.with_skeleton(&skeleton_file)?;
     }
     files.write(&pipeline, text.text().as_bytes());
-    if !document.clips.is_empty() || !document.poses.is_empty() {
-        let mut character = character(model, skeleton, (**weights).clone(), document)?;
-        character.clips.extend(pose_clips(skeleton, &document.poses)?);
-        files.write(clips_file(&pipeline), glb(&character, None)?);
-    }
     Ok(())
 }
 
 /// The word of the pipeline file; null for the default.
 fn skinning(method: SkinningMethod) -> Json {
     let method = super::message::METHODS.iter().find(|m| m.0 == method).map(|m| m.1);
-    method.filter(|m| *m != Method::default()).map_or(Json::Null, |m| {
-        serde_json::to_value(SkinningChoice::Method(m)).unwrap_or_default()
-    })
+    method
+        .filter(|m| *m != Method::default())
+        .map_or(Json::Null, |m| serde_json::to_value(SkinningChoice::Method(m)).unwrap_or_default())
 }
 
 /// A character as GLB, its joints in a pose.

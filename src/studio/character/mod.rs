@@ -113,7 +113,8 @@ impl CharacterWorkspace {
 
     fn frames(&self, kind: BufferKind, item: u32, globals: &[Matrix4<f64>], out: &mut Outbox) {
         let shift = Matrix4::new_translation(&solve::shift(&self.center));
-        let numbers: Vec<f32> = globals.iter().flat_map(|g| (shift * g).iter().map(|c| *c as f32).collect::<Vec<_>>()).collect();
+        let numbers: Vec<f32> =
+            globals.iter().flat_map(|g| (shift * g).iter().map(|c| *c as f32).collect::<Vec<_>>()).collect();
         out.buffer(kind.number(), item, &numbers);
     }
 
@@ -127,7 +128,9 @@ impl CharacterWorkspace {
 
     fn send_weights(&self, weights: Option<&SkinWeights>, out: &mut Outbox) {
         let rows = weights.map(|w| w.rows().collect::<Vec<_>>()).unwrap_or_default();
-        let at = |row: &[plumbline_shape::character::Influence], k: usize| row.get(k).map_or((0, 0.0), |i| (i.joint, i.weight));
+        let at = |row: &[plumbline_shape::character::Influence], k: usize| {
+            row.get(k).map_or((0, 0.0), |i| (i.joint, i.weight))
+        };
         let joints: Vec<u16> = rows.iter().flat_map(|row| (0..SENT).map(|k| at(row, k).0 as u16)).collect();
         let values: Vec<f32> = rows
             .iter()
@@ -143,7 +146,8 @@ impl CharacterWorkspace {
     fn send_heat(&self, weights: Option<&SkinWeights>, out: &mut Outbox) {
         let joint = self.view.joint.filter(|_| self.tab() == Tab::Weights);
         let heat = weights.zip(joint).filter(|(w, j)| (*j as usize) < w.joint_count());
-        let heat: Vec<f32> = heat.map_or_else(Vec::new, |(w, j)| (0..w.vertex_count()).map(|v| w.weight(v, j) as f32).collect());
+        let heat: Vec<f32> =
+            heat.map_or_else(Vec::new, |(w, j)| (0..w.vertex_count()).map(|v| w.weight(v, j) as f32).collect());
         out.buffer(BufferKind::Heat.number(), 0, &heat);
     }
 
@@ -172,10 +176,17 @@ impl CharacterWorkspace {
     }
 
     /// Poses of the clip before and after the time that is shown.
-    fn send_onion(&self, document: &CharacterDocument, skeleton: &Skeleton, out: &mut Outbox) -> Result<(), StudioError> {
+    fn send_onion(
+        &self,
+        document: &CharacterDocument,
+        skeleton: &Skeleton,
+        out: &mut Outbox,
+    ) -> Result<(), StudioError> {
         /// More would hide the character.
         const MAX_ONION: u32 = 12;
-        let Some((count, apart)) = self.view.onion.filter(|o| o.0 > 0 && o.1 > 0.0 && o.1.is_finite()) else { return Ok(()) };
+        let Some((count, apart)) = self.view.onion.filter(|o| o.0 > 0 && o.1 > 0.0 && o.1.is_finite()) else {
+            return Ok(());
+        };
         let Some(clip) = document.shown_clip().filter(|_| self.tab() == Tab::Animate) else { return Ok(()) };
         let count = count.min(MAX_ONION);
         let now = self.view.time.unwrap_or(0.0);
@@ -190,7 +201,9 @@ impl CharacterWorkspace {
     /// Every method in the pose, one a slice.
     fn compare(&mut self, document: &CharacterDocument, out: &mut Outbox, run: &Run) -> Result<Work, StudioError> {
         let (Some(known), Some(pose)) = (self.known(document)?, self.shown.clone()) else { return Ok(Work::Rest) };
-        let Some((item, (method, _))) = METHODS.iter().enumerate().nth(self.compared.len()) else { return Ok(Work::Rest) };
+        let Some((item, (method, _))) = METHODS.iter().enumerate().nth(self.compared.len()) else {
+            return Ok(Work::Rest);
+        };
         let globals = known.skeleton.globals(&pose).map_err(fault)?;
         let posed = self.rigs.positions(&known.skeleton, &known.skin, &globals, *method, run)?;
         let shape = self.metrics.measure(&posed);
@@ -388,7 +401,7 @@ impl Workspace for CharacterWorkspace {
         }
         let skeleton = self.rigs.skeleton(&document.skeleton).ok_or_else(not_ready)?;
         let weights = self.rigs.weights(&document.weights, &skeleton).ok_or_else(not_ready)?;
-        files::save(document, &self.model, (&skeleton, &weights), files)
+        files::save(document, (&skeleton, &weights), files)
     }
 
     fn ask(

@@ -140,9 +140,8 @@ impl Read {
         let stages = &graph.stages;
         let pose = stages.iter().position(|s| s.settings.get::<PoseSettings>().is_some());
         let pose = pose.ok_or("has no stage character.pose: the studio poses characters")?;
-        let source = |port: &str| {
-            stages[pose].edges.iter().find(|edge| edge.port.name == port).map(|edge| &stages[edge.from])
-        };
+        let source =
+            |port: &str| stages[pose].edges.iter().find(|edge| edge.port.name == port).map(|edge| &stages[edge.from]);
         let load = source("mesh").and_then(|s| s.settings.get::<MeshLoadSettings>());
         let load = load.ok_or("the mesh of character.pose is not read by mesh.load")?;
         let rig = source("skeleton").filter(|s| s.settings.get::<SkeletonLoadSettings>().is_some());

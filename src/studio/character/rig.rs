@@ -9,7 +9,9 @@ use super::document::{Finding, SkeletonSource, WeightSource};
 use super::message::{Ends, METHODS, SkinningMethod};
 use crate::error::StudioError;
 use plumbline_num::run::Run;
-use plumbline_shape::character::extraction::{ExtractionOptions, ExtractionReport, Keep, extract, skeleton_of};
+use plumbline_shape::character::extraction::{
+    ContractionStep, ExtractionOptions, ExtractionReport, Keep, extract, skeleton_of,
+};
 use plumbline_shape::character::fitting::fit_template;
 use plumbline_shape::character::humanoid::humanoid;
 use plumbline_shape::character::skinning::Skinner;
@@ -18,19 +20,19 @@ use plumbline_shape::character::{CharacterError, CurveSkeleton, Skeleton, Skin, 
 use plumbline_shape::mesh::TriMesh;
 
 /// Names of the templates.
-pub const TEMPLATES: [&str; 1] = ["humanoid"];
+pub(super) const TEMPLATES: [&str; 1] = ["humanoid"];
 /// Results that are kept: as many as a user compares by undo and redo.
 const MAX_KEPT: usize = 8;
 
 /// An extracted skeleton.
 #[derive(Debug)]
-pub struct Found {
+pub(super) struct Found {
     /// The skeleton.
-    pub skeleton: Arc<Skeleton>,
+    pub(super) skeleton: Arc<Skeleton>,
     /// What the extraction reports.
-    pub report: ExtractionReport,
+    pub(super) report: ExtractionReport,
     /// What the user should know.
-    pub notices: Vec<String>,
+    pub(super) notices: Vec<String>,
 }
 
 /// A small store of results by key; the oldest goes first.
@@ -64,7 +66,7 @@ type CurveKey = (super::message::ExtractionOptions, Option<Ends>);
 
 /// Results for the mesh of a document.
 #[derive(Debug)]
-pub struct Rigs {
+pub(super) struct Rigs {
     mesh: Arc<TriMesh>,
     curves: Kept<CurveKey, (CurveSkeleton, ExtractionReport)>,
     found: Kept<Finding, Found>,
@@ -75,7 +77,7 @@ pub struct Rigs {
 
 impl Rigs {
     /// Nothing is known of the mesh.
-    pub fn new(mesh: Arc<TriMesh>) -> Self {
+    pub(super) fn new(mesh: Arc<TriMesh>) -> Self {
         Self {
             mesh,
             curves: Kept(Vec::new()),
@@ -87,7 +89,7 @@ impl Rigs {
     }
 
     /// The skeleton, where it is known.
-    pub fn skeleton(&self, source: &SkeletonSource) -> Option<Arc<Skeleton>> {
+    pub(super) fn skeleton(&self, source: &SkeletonSource) -> Option<Arc<Skeleton>> {
         match source {
             SkeletonSource::None => None,
             SkeletonSource::Made(skeleton) => Some(skeleton.clone()),
@@ -96,12 +98,12 @@ impl Rigs {
     }
 
     /// The report of an extraction, where it is done.
-    pub fn report(&self, finding: &Finding) -> Option<Arc<Found>> {
+    pub(super) fn report(&self, finding: &Finding) -> Option<Arc<Found>> {
         self.found.get(finding)
     }
 
     /// The weights, where they are known.
-    pub fn weights(&self, source: &WeightSource, skeleton: &Arc<Skeleton>) -> Option<Arc<SkinWeights>> {
+    pub(super) fn weights(&self, source: &WeightSource, skeleton: &Arc<Skeleton>) -> Option<Arc<SkinWeights>> {
         match source {
             WeightSource::Given(weights, _) => Some(weights.clone()),
             WeightSource::Computed(options) => self.weights.get(&(skeleton.clone(), format!("{options:?}"))),
@@ -112,7 +114,7 @@ impl Rigs {
     ///
     /// # Errors
     /// What the extraction or the fit says.
-    pub fn find(&mut self, finding: &Finding, run: &Run) -> Result<Arc<Found>, StudioError> {
+    pub(super) fn find(&mut self, finding: &Finding, run: &Run) -> Result<Arc<Found>, StudioError> {
         let curve = self.curve(finding, run)?;
         let mut notices: Vec<String> = curve.1.repairs.clone();
         let skeleton = match finding.template.as_deref() {
@@ -152,8 +154,8 @@ impl Rigs {
                 Some(Ends::Vertices(vertices)) => Keep::Vertices(vertices.clone()),
             },
         };
-        let proceed = &mut |_: &_| std::ops::ControlFlow::Continue(());
-        let curve = Arc::new(extract(&self.mesh, &options, proceed, run).map_err(fault)?);
+        let mut proceed = |_: &ContractionStep<'_>| std::ops::ControlFlow::Continue(());
+        let curve = Arc::new(extract(&self.mesh, &options, &mut proceed, run).map_err(fault)?);
         self.curves.put(key, curve.clone());
         Ok(curve)
     }
@@ -162,7 +164,7 @@ impl Rigs {
     ///
     /// # Errors
     /// What the method says.
-    pub fn weigh(
+    pub(super) fn weigh(
         &mut self,
         source: &WeightSource,
         skeleton: &Arc<Skeleton>,
@@ -187,7 +189,7 @@ impl Rigs {
     ///
     /// # Errors
     /// Weights of another skeleton.
-    pub fn skin(&mut self, skeleton: &Arc<Skeleton>, weights: &Arc<SkinWeights>) -> Result<Arc<Skin>, StudioError> {
+    pub(super) fn skin(&mut self, skeleton: &Arc<Skeleton>, weights: &Arc<SkinWeights>) -> Result<Arc<Skin>, StudioError> {
         let key = (skeleton.clone(), Same(weights.clone()));
         if let Some(known) = self.skins.get(&key) {
             return Ok(known);
@@ -201,7 +203,7 @@ impl Rigs {
     ///
     /// # Errors
     /// What the method says.
-    pub fn positions(
+    pub(super) fn positions(
         &mut self,
         skeleton: &Skeleton,
         skin: &Arc<Skin>,
@@ -229,19 +231,20 @@ impl Rigs {
 ///
 /// # Errors
 /// [`StudioError::Request`] for an unknown one.
-pub fn template(name: &str) -> Result<Skeleton, StudioError> {
+pub(super) fn template(name: &str) -> Result<Skeleton, StudioError> {
     // The grid of its surface, which is not used, as coarse as it can be.
     const CELL: f64 = 0.1;
     match name {
         "humanoid" => Ok(humanoid(CELL).map_err(fault)?.skeleton),
-        _ => {
-            Err(StudioError::request(format!("there is no template {name:?} (expected one of {})", TEMPLATES.join(", "))))
-        }
+        _ => Err(StudioError::request(format!(
+            "there is no template {name:?} (expected one of {})",
+            TEMPLATES.join(", ")
+        ))),
     }
 }
 
 /// An error of the library: interrupted calls are no fault.
-pub fn fault(error: CharacterError) -> StudioError {
+pub(super) fn fault(error: CharacterError) -> StudioError {
     match error {
         CharacterError::Interrupted(stopped) => StudioError::Stopped(stopped),
         other => StudioError::Method(other.to_string()),

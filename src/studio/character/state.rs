@@ -22,7 +22,8 @@ impl CharacterWorkspace {
     pub(super) fn state_of(&self, document: &CharacterDocument) -> State {
         let skeleton = self.rigs.skeleton(&document.skeleton);
         let clip = document.shown_clip();
-        let last = clip.iter().flat_map(|c| &c.curves).filter_map(|c| c.curve.times().last().copied()).fold(0.0, f64::max);
+        let last =
+            clip.iter().flat_map(|c| &c.curves).filter_map(|c| c.curve.times().last().copied()).fold(0.0, f64::max);
         State {
             name: self.name.clone(),
             mesh: self.mesh_state(),
@@ -96,7 +97,11 @@ impl CharacterWorkspace {
 /// A word of a shell.
 fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-/".contains(c);
-    if !text.is_empty() && text.chars().all(plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
+    if !text.is_empty() && text.chars().all(plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
 }
 
 fn joints(skeleton: &Skeleton) -> Vec<JointState> {

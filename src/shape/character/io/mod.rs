@@ -44,7 +44,10 @@ pub fn read_rig(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Rig, RigF
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let alone = |skeleton| Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
     let read = || match extension.as_str() {
-        "json" => Ok(alone(super::skeleton_file::SkeletonFile::read(path)?.skeleton)),
+        "json" => {
+            let file = super::skeleton_file::SkeletonFile::read(path)?;
+            Ok(Rig { clips: file.clips, ..alone(file.skeleton) })
+        }
         "gltf" | "glb" => {
             let model = read_model(path, limits, run)?;
             let character = character_of(&model)?;
@@ -58,7 +61,7 @@ pub fn read_rig(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Rig, RigF
     read().map_err(|e: RigFileError| e.of_file(path))
 }
 
-/// Writes a skeleton, and a clip if the format supports one (BVH). The format follows from the extension: `.json`, `.bvh`, `.tgf` or
+/// Writes a skeleton, and a clip if the format supports one (JSON, BVH). The format follows from the extension: `.json`, `.bvh`, `.tgf` or
 /// `.skel`. Second result: what the format cannot represent.
 ///
 /// # Errors
@@ -70,8 +73,10 @@ pub fn rig_text(
 ) -> Result<(String, Vec<&'static str>), RigFileError> {
     match extension.to_ascii_lowercase().as_str() {
         "json" => {
-            let file = super::skeleton_file::SkeletonFile { skeleton: skeleton.clone(), curve: None };
-            Ok((file.to_json(), if clip.is_some() { vec!["the movement"] } else { Vec::new() }))
+            let clips = clip.cloned().into_iter().collect();
+            let file = super::skeleton_file::SkeletonFile { skeleton: skeleton.clone(), curve: None, clips };
+            let morphed = clip.is_some_and(|c| !c.morphs().is_empty());
+            Ok((file.to_json(), if morphed { vec!["weights of morph targets"] } else { Vec::new() }))
         }
         "bvh" => bvh_text(skeleton, clip),
         "tgf" => Ok((tgf_text(skeleton), vec!["names, rotations and limits of joints"])),

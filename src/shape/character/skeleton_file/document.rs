@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::skeleton::unknown_name;
 use super::super::{CurveSkeleton, Joint, Limits, RigFileError, Skeleton};
+use super::clips::ClipEntry;
 use super::{KIND, SkeletonFile};
 use plumbline_num::math::Trs;
 
@@ -25,6 +26,9 @@ pub(super) struct Document {
     /// The curve skeleton that the joints were derived from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     curve: Option<CurveEntry>,
+    /// Animations of the joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    clips: Vec<ClipEntry>,
 }
 
 /// A joint.
@@ -123,7 +127,9 @@ impl Document {
         };
         let joints: Result<Vec<_>, RigFileError> = self.joints.iter().map(joint).collect();
         let skeleton = Skeleton::new(joints?)?;
-        Ok(SkeletonFile { skeleton, curve: self.curve.map(CurveEntry::into_curve).transpose()? })
+        let clip = |entry: ClipEntry| entry.into_clip(&skeleton, &number);
+        let clips = self.clips.into_iter().map(clip).collect::<Result<Vec<_>, _>>()?;
+        Ok(SkeletonFile { curve: self.curve.map(CurveEntry::into_curve).transpose()?, clips, skeleton })
     }
 
     pub(super) fn of(file: &SkeletonFile) -> Self {
@@ -134,10 +140,11 @@ impl Document {
             version: 1,
             joints: joints.iter().map(entry).collect(),
             curve: file.curve.as_ref().map(CurveEntry::of),
+            clips: file.clips.iter().map(|clip| ClipEntry::of(clip, &file.skeleton)).collect(),
         }
     }
 
-    /// One joint per line, for readable diffs.
+    /// One joint per line and one clip per line, for readable diffs.
     pub(super) fn to_json(&self) -> String {
         let line = |j: &JointEntry| format!("    {}", serde_json::to_string(j).expect("strings and numbers"));
         let joints: Vec<String> = self.joints.iter().map(line).collect();
@@ -145,8 +152,11 @@ impl Document {
             None => String::new(),
             Some(c) => format!(",\n  \"curve\": {}", serde_json::to_string(c).expect("numbers")),
         };
+        let line = |c: &ClipEntry| format!("    {}", serde_json::to_string(c).expect("strings and numbers"));
+        let clips: Vec<String> = self.clips.iter().map(line).collect();
+        let clips = if clips.is_empty() { String::new() } else { format!(",\n  \"clips\": [\n{}\n  ]", clips.join(",\n")) };
         format!(
-            "{{\n  \"format\": \"{}\",\n  \"version\": 1,\n  \"joints\": [\n{}\n  ]{curve}\n}}\n",
+            "{{\n  \"format\": \"{}\",\n  \"version\": 1,\n  \"joints\": [\n{}\n  ]{curve}{clips}\n}}\n",
             KIND.format,
             joints.join(",\n")
         )

@@ -1,6 +1,7 @@
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use super::super::Limits;
+use super::super::clip::rotations;
+use super::super::{Curve, Interpolation, Keys, Limits, Track};
 use super::*;
 
 const LEG: &str = r#"{"format": "plumbline.skeleton", "version": 1, "joints": [
@@ -36,6 +37,65 @@ fn a_round_trip_is_bit_exact() {
     assert_eq!(SkeletonFile::parse(&file.to_json()).expect("valid"), file);
 }
 
+/// Curves of every property and interpolation, with numbers that have no short decimal.
+fn clip(name: &str, interpolation: &Interpolation<4>) -> Clip {
+    let turned = |k: u32| UnitQuaternion::from_euler_angles(0.1 * f64::from(k), 0.7 / 3.0, -2.0 * f64::from(k).sqrt());
+    let times: Vec<f64> = (0..40).map(|k| f64::from(k) / 24.0).collect();
+    let quaternions: Vec<_> = (0..40).map(turned).collect();
+    let moved: Vec<[f64; 3]> = quaternions.iter().map(|q| [q.i, q.j / 3.0, -q.k]).collect();
+    let curves = [
+        Curve::Rotation(rotations(times.clone(), &quaternions, interpolation.clone()).expect("valid")),
+        Curve::Translation(Keys::new(times.clone(), moved.clone(), Interpolation::Smooth).expect("valid")),
+        Curve::Scale(Keys::new(times, moved, Interpolation::Linear).expect("valid")),
+    ];
+    let tracks = curves.into_iter().map(|curve| Track { joint: 1, curve }).collect();
+    Clip::new(name, tracks, Vec::new()).expect("valid")
+}
+
+#[test]
+fn clips_keep_their_keys_and_their_interpolation_bit_for_bit() {
+    let tangents = vec![[0.1, -0.2, 1.0 / 3.0, 0.4]; 40];
+    let cubic = Interpolation::Cubic { arriving: tangents.clone(), leaving: tangents };
+    let all = [Interpolation::Step, Interpolation::Linear, Interpolation::Smooth, cubic];
+    let clips: Vec<Clip> = all.iter().enumerate().map(|(k, kind)| clip(&format!("clip {k}"), kind)).collect();
+    let file = SkeletonFile { clips, ..SkeletonFile::parse(LEG).expect("valid") };
+    assert_eq!(SkeletonFile::parse(&file.to_json()).expect("valid"), file);
+}
+
+const KICK: &str = r#"{"format": "plumbline.skeleton", "version": 1, "joints": [{"name": "knee"}], "clips": [{"name": "kick",
+    "tracks": [{"joint": "knee", "property": "rotation", "interpolation": "smooth", "times": [0, 0.5],
+                "values": [[1, 0, 0, 0], [8, 6, 0, 0]]}]}]}"#;
+
+#[test]
+fn rotations_of_clips_are_w_x_y_z_of_any_length() {
+    let file = SkeletonFile::parse(KICK).expect("valid");
+    let pose = file.clips[0].pose(&file.skeleton, 0.5, Default::default()).expect("of this skeleton");
+    let expected = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 2.0 * 0.6_f64.asin());
+    assert!(pose.locals[0].rotation.angle_to(&expected) < 1e-12, "{}", pose.locals[0].rotation);
+}
+
+#[test]
+fn errors_of_clips_name_the_clip_and_the_joint() {
+    let tangents = "\"values\": [[1, 0, 0, 0], [8, 6, 0, 0]], \"arriving\": [[0, 0, 0, 0], [0, 0, 0, 0]]";
+    let twice = KICK.replace("}]}]}", r#"}, {"joint": "knee", "property": "rotation", "times": [0], "values": [[1, 0, 0, 0]]}]}]}"#);
+    let cases = [
+        (KICK.replace("\"joint\": \"knee\"", "\"joint\": \"kneel\""), "no joint \"kneel\""),
+        (KICK.replace("[0, 0.5]", "[0.5, 0]"), "must be finite and ascend"),
+        (KICK.replace("[0, 0.5]", "[]"), "0 key times"),
+        (KICK.replace("[0, 0.5]", "[0, 1e999]"), "number out of range"),
+        (KICK.replace("[8, 6, 0, 0]", "[0, 0, 0, 0]"), "is no rotation"),
+        (KICK.replace("[8, 6, 0, 0]", "[8, 6, 0]"), "clip \"kick\", joint \"knee\": a key of 3 numbers (expected 4)"),
+        (KICK.replace("\"rotation\"", "\"spin\""), "unknown variant `spin`"),
+        (KICK.replace("\"smooth\"", "\"cubic\""), "2 key times and 0 values"),
+        (KICK.replace("\"values\": [[1, 0, 0, 0], [8, 6, 0, 0]]", tangents), "belong to \"cubic\""),
+        (twice, "two tracks for the rotation 0"),
+    ];
+    for (text, expected) in cases {
+        let message = SkeletonFile::parse(&text).expect_err(expected).to_string();
+        assert!(message.contains(expected), "{expected}: {message}");
+    }
+}
+
 #[test]
 fn errors_name_the_field_and_the_value() {
     let cases = [
@@ -64,9 +124,8 @@ fn errors_name_the_field_and_the_value() {
 #[test]
 fn the_schema_knows_every_key() {
     let schema = serde_json::to_string(&skeleton_file_schema()).expect("JSON");
-    for key in
-        ["joints", "parent", "translation", "rotation", "scale", "limits", "swing_deg", "curve", "node_of_vertex"]
-    {
+    let of_joints = ["joints", "parent", "translation", "rotation", "scale", "limits", "swing_deg"];
+    for key in of_joints.iter().chain(&["curve", "node_of_vertex", "clips", "tracks", "property", "smooth", "arriving"]) {
         assert!(schema.contains(key), "{key}");
     }
 }

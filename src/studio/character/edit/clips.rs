@@ -25,7 +25,10 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
         Edit::AddClip { name: text } => add(document, &name(&text)?),
         Edit::SelectClip { name } => {
             position(document, &name)?;
-            Ok(Step::new(CharacterDocument { clip: Some(name.clone()), ..document.clone() }, format!("Show clip {name}")))
+            Ok(Step::new(
+                CharacterDocument { clip: Some(name.clone()), ..document.clone() },
+                format!("Show clip {name}"),
+            ))
         }
         Edit::RenameClip { name: text } => rename(document, &name(&text)?),
         Edit::RemoveClip { name } => {
@@ -33,7 +36,10 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
             let mut clips = (*document.clips).clone();
             clips.remove(at);
             let clip = document.clip.clone().filter(|c| *c != name).or_else(|| clips.first().map(|c| c.name.clone()));
-            Ok(Step::new(CharacterDocument { clips: Arc::new(clips), clip, ..document.clone() }, format!("Remove clip {name}")))
+            Ok(Step::new(
+                CharacterDocument { clips: Arc::new(clips), clip, ..document.clone() },
+                format!("Remove clip {name}"),
+            ))
         }
         Edit::Key { joints, time } => key(document, &joints, time, around),
         Edit::SetKey { joint: j, time, rotation: q } => {
@@ -114,7 +120,11 @@ fn key(document: &CharacterDocument, joints: &[u32], time: f64, around: &Around<
     let (skeleton, time) = (around.skeleton(document)?, checked(time)?);
     let pose = around.pose(&skeleton);
     let with = if document.clip.is_some() { document.clone() } else { add(document, "clip 1")?.document };
-    let label = if joints.len() == 1 { format!("Key {}", joint(&skeleton, joints[0])?.name) } else { "Key the pose".to_owned() };
+    let label = if joints.len() == 1 {
+        format!("Key {}", joint(&skeleton, joints[0])?.name)
+    } else {
+        "Key the pose".to_owned()
+    };
     with_clip(&with, &label, |clip| {
         for &j in joints {
             let own = joint(&skeleton, j)?;
@@ -241,12 +251,7 @@ fn changed(
     Ok(())
 }
 
-fn interpolation(
-    document: &CharacterDocument,
-    joints: &[u32],
-    kind: InterpolationKind,
-    skeleton: &Skeleton,
-) -> Edited {
+fn interpolation(document: &CharacterDocument, joints: &[u32], kind: InterpolationKind, skeleton: &Skeleton) -> Edited {
     let kind = match kind {
         InterpolationKind::Step => Interpolation::Step,
         InterpolationKind::Linear => Interpolation::Linear,

@@ -56,7 +56,10 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
         Edit::RemovePose { name } => {
             let mut poses = (*document.poses).clone();
             poses.remove(&name).ok_or_else(|| no_pose(&name))?;
-            Ok(Step::new(CharacterDocument { poses: Arc::new(poses), ..document.clone() }, format!("Remove pose {name}")))
+            Ok(Step::new(
+                CharacterDocument { poses: Arc::new(poses), ..document.clone() },
+                format!("Remove pose {name}"),
+            ))
         }
         other => Err(StudioError::request(format!("this edit is not possible: {other:?}"))),
     }
@@ -232,7 +235,8 @@ impl Posing<'_> {
         };
         let mut pose = self.shown.clone();
         for &j in joints {
-            pose.locals[j as usize % pose.locals.len()] = joint(self.skeleton, j)?.rest;
+            let rest = joint(self.skeleton, j)?.rest;
+            pose.locals[j as usize] = rest;
         }
         Ok(self.posed(&pose, "Joints at rest"))
     }
@@ -243,7 +247,10 @@ impl Posing<'_> {
             return Err(StudioError::request(format!("the library holds {MAX_POSES} poses")));
         }
         poses.insert(name.to_owned(), Arc::new(offsets(self.skeleton, &self.shown)));
-        Ok(Step::new(CharacterDocument { poses: Arc::new(poses), ..self.document.clone() }, format!("Store pose {name}")))
+        Ok(Step::new(
+            CharacterDocument { poses: Arc::new(poses), ..self.document.clone() },
+            format!("Store pose {name}"),
+        ))
     }
 }
 
@@ -258,9 +265,8 @@ fn mirrored(skeleton: &Skeleton, pose: &Pose) -> Result<Pose, StudioError> {
         let name = &skeleton.joints()[j].name;
         other_side(name).and_then(|other| skeleton.find(&other)).map_or(j, |o| o as usize)
     };
-    let reflected = |q: UnitQuaternion<f64>| {
-        UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(q.w, q.i, -q.j, -q.k))
-    };
+    let reflected =
+        |q: UnitQuaternion<f64>| UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(q.w, q.i, -q.j, -q.k));
     let world = |j: usize| reflected(now[image(j)] * rest[image(j)].inverse()) * rest[j];
     let mut out = pose.clone();
     for (j, own) in skeleton.joints().iter().enumerate() {

@@ -22,8 +22,12 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
                 return Err(StudioError::request(format!("{smooth} iterations of smoothing (at most {MAX_SMOOTH})")));
             }
             let influences = checked(influences)?;
-            let options =
-                WeightOptions { method: method.into(), influences, smooth: smooth as usize, ..WeightOptions::default() };
+            let options = WeightOptions {
+                method: method.into(),
+                influences,
+                smooth: smooth as usize,
+                ..WeightOptions::default()
+            };
             let weights = WeightSource::Computed(options);
             Ok(Step::new(CharacterDocument { weights, ..document.clone() }, "Compute weights"))
         }

@@ -43,7 +43,9 @@ fn a_saved_pose_gives_the_same_surface_when_it_is_opened_again() {
     let (hand, foot) = (opened.joint("hand.L"), opened.joint("foot.R"));
     opened.edit(json!({"do": "pin", "joint": foot, "orientation": false})).unwrap();
     let at = opened.position("hand.L");
-    opened.edit(json!({"do": "drag", "joint": hand, "point": [0, 0, 0], "to": [at.x - 0.1, at.y + 0.3, at.z + 0.1]})).unwrap();
+    opened
+        .edit(json!({"do": "drag", "joint": hand, "point": [0, 0, 0], "to": [at.x - 0.1, at.y + 0.3, at.z + 0.1]}))
+        .unwrap();
     let spine = opened.joint("spine");
     opened.edit(rotate(spine, 0.3)).unwrap();
     let shown = opened.exported();
@@ -135,7 +137,7 @@ fn a_pose_of_the_library_comes_back_and_a_mirrored_pose_twice_is_itself() {
     opened.save();
     let mut again = opened.again("person.character.toml");
     again.edit(json!({"do": "apply_pose", "name": "up"})).unwrap();
-    assert!((again.position("hand.L") - hand).norm() < 1e-5, "single precision of the file");
+    assert!((again.position("hand.L") - hand).norm() < 1e-9);
 }
 
 #[test]
@@ -145,7 +147,7 @@ fn messages_that_do_not_fit_change_nothing_and_say_why() {
     let bad = [
         json!({"do": "rotate", "joint": 999, "rotation": [0, 0, 0, 1]}),
         json!({"do": "rotate", "joint": 0, "rotation": [0, 0, 0, 0]}),
-        json!({"do": "drag", "joint": 0, "point": [0, 0, 0], "to": [1e999, 0, 0]}),
+        json!({"do": "drag", "joint": 0, "point": [0, 0, 0], "to": [null, 0, 0]}),
         json!({"do": "reparent", "joints": [0], "parent": 1}),
         json!({"do": "rename", "joint": 0, "name": ""}),
         json!({"do": "rename", "joint": 0, "name": "x".repeat(10_000)}),

@@ -17,8 +17,28 @@ fn text() -> String {
         ($($t:ty),*) => { $( let _ = writeln!(text, "\nexport {}", <$t>::decl(&config)); )* };
     }
     declare!(
-        BrushOp, WeightMethod, SkinningMethod, InterpolationKind, ExtractionOptions, EndsWord, Ends, Limits, TargetKind, Target,
-        Edit, Tab, View, Format, Ask, MeshState, JointState, Track, ExtractionState, WeightsState, Compared, State
+        BrushOp,
+        WeightMethod,
+        SkinningMethod,
+        InterpolationKind,
+        ExtractionOptions,
+        EndsWord,
+        Ends,
+        Limits,
+        TargetKind,
+        Target,
+        Edit,
+        Tab,
+        View,
+        Format,
+        Ask,
+        MeshState,
+        JointState,
+        Track,
+        ExtractionState,
+        WeightsState,
+        Compared,
+        State
     );
     text.push_str("\n/** Kinds of buffers. */\nexport const KINDS = {\n");
     let kinds = [
