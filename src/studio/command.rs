@@ -56,13 +56,13 @@ struct StudioArgs {
 }
 
 fn command() -> clap::Command {
-    let command = clap::Command::new("studio")
+    // Afterwards: the options bring the comment of their struct.
+    StudioArgs::augment_args(clap::Command::new("studio"))
         .about("Edit meshes, characters and photos by hand, in the browser")
         .long_about(
             "Edit meshes, characters and photos by hand, in the browser: grab and drag a shape, build a skeleton, pose it, mark lines in a \
              photo. The page is served to this machine only, and every action is stored in a pipeline file that `plumbline run` executes.",
-        );
-    StudioArgs::augment_args(command)
+        )
 }
 
 fn run(matches: &ArgMatches, interrupt: &Interrupt) -> Result<Exit, RunError> {

@@ -17,15 +17,15 @@ newest?: boolean,
 /**
  * A change of the document, as its workspace defines it.
  */
-edit: unknown, 
+edit?: unknown, 
 /**
  * What is looked at.
  */
-view: unknown, 
+view?: unknown, 
 /**
  * A question.
  */
-ask: unknown, 
+ask?: unknown, 
 /**
  * One step back.
  */
@@ -125,7 +125,7 @@ error?: string,
 /**
  * Answer to a question.
  */
-result: unknown, 
+result?: unknown, 
 /**
  * Answer to a question: a file.
  */
