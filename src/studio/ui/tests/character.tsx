@@ -4,7 +4,7 @@ import { signal } from "@preact/signals";
 import type { Connection, Incoming } from "../src/connection";
 import { commandsOf } from "../src/workspaces/character/commands";
 import { page as workspace } from "../src/workspaces/character/index";
-import { KINDS, type State } from "../src/workspaces/character/messages";
+import { KINDS, type State } from "../src/generated/character";
 import { pageOf } from "../src/workspaces/character/page";
 import { matches, taken } from "../src/shell/shortcuts";
 

@@ -1,6 +1,6 @@
 // What the page does, in words of the user; each becomes one message to the server.
 import { Quaternion, Vector3 } from "three";
-import type { Edit, ExtractionOptions, InterpolationKind, Limits, SkinningMethod, Target, V3, WeightMethod } from "./messages";
+import type { Edit, ExtractionOptions, InterpolationKind, Limits, SkinningMethod, Target, V3, WeightMethod } from "../../generated/character";
 import { rotationOfDeg } from "./frames";
 import type { Page } from "./page";
 import { upload } from "../../shell/api";

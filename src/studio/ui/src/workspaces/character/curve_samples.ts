@@ -2,7 +2,7 @@
 // what plays. A smooth curve is that of Kim, Kim and Shin: a Bézier curve of rotations with the velocities at both keys.
 import { Quaternion, Vector3 } from "three";
 import { vectorDeg } from "./frames";
-import type { Track } from "./messages";
+import type { Track } from "../../generated/character";
 
 /** The rotation vector, degrees, at so many times from 0 to the end, x, y and z in turn; angles go on beyond 180°. */
 export function samplesOf(track: Track, duration: number, count: number): { time: number; vector: [number, number, number] }[] {

@@ -6,7 +6,7 @@ import { Layout, ToolButton, Toolbar } from "../../shell/components";
 import { View3D, type LegendProps, type Viewport } from "../../view3d";
 import { commandsOf } from "./commands";
 import { JointTree } from "./joint_tree";
-import type { State } from "./messages";
+import type { State } from "../../generated/character";
 import { Labels } from "./labels";
 import { pageOf, TABS, type Page, type TabName } from "./page";
 import { AnimateBottom, AnimatePanel } from "./panels/animate";

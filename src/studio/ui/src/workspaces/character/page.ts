@@ -6,7 +6,7 @@ import { createPlayback, type Playback } from "../../shell/components";
 import { Actions } from "./actions";
 import { Frames, skinMatrices, vectorDeg } from "./frames";
 import type { ArcFrame, LimitShape } from "./limit_arcs";
-import type { BrushOp, JointState, Limits, SkinningMethod, State, Target, Track, V3 } from "./messages";
+import type { BrushOp, JointState, Limits, SkinningMethod, State, Target, Track, V3 } from "../../generated/character";
 import { receive } from "./received";
 import type { PoseActions } from "./pose_tools";
 import type { Scene } from "./scene";

@@ -1,7 +1,7 @@
 // Buffers of the server into the signals of the page, and what this window looks at to the server.
 import { batch, effect, type Signal } from "@preact/signals";
 import { Frames } from "./frames";
-import { KINDS } from "./messages";
+import { KINDS } from "../../generated/character";
 import type { Page, Shape } from "./page";
 
 /** Begins; gives the ways to stop. */

@@ -65,7 +65,7 @@ export class Scene {
     this.drawn = null;
     this.draw(mesh.rest);
     if (!this.fitted) {
-      this.view.rig.setUp(untracked(() => this.page.state.value.mesh.up));
+      this.view.rig.setUp(untracked(() => (this.page.state.value.mesh.up === "z" ? "z" : "y")));
       this.view.fit();
     }
     this.fitted = true;

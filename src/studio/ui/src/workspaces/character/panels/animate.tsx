@@ -1,7 +1,7 @@
 // Animation: the clip, its keys on a timeline, curves of the chosen joint, onion skins.
 import { Button, cssColor, NumberField, Panel, Segmented, Select, TextField, theme, Timeline, Toggle, type Track as Row } from "../../../shell/components";
 import { CurveEditor, type CurveLine } from "../curves";
-import type { InterpolationKind } from "../messages";
+import type { InterpolationKind } from "../../../generated/character";
 import type { Page } from "../page";
 import { samplesOf } from "../curve_samples";
 

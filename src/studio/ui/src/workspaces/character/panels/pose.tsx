@@ -1,7 +1,7 @@
 // Pose: the chosen joint, targets that hold (pins, poles, directions), the library of poses.
 import { signal } from "@preact/signals";
 import { Button, List, NumberField, Panel, Select, TextField, Toggle } from "../../../shell/components";
-import type { SkinningMethod, Target } from "../messages";
+import type { SkinningMethod, Target } from "../../../generated/character";
 import type { JointInfo, Page } from "../page";
 import { VectorField } from "../vector_field";
 import { rotationOfDeg } from "../frames";

@@ -1,6 +1,6 @@
 // The skeleton: tools of the pointer, the chosen joint and its limits, extraction, templates.
 import { Button, NumberField, Panel, Segmented, Select, SliderField, TextField, Toggle } from "../../../shell/components";
-import type { ExtractionOptions, Limits } from "../messages";
+import type { ExtractionOptions, Limits } from "../../../generated/character";
 import type { JointInfo, Page } from "../page";
 import type { SkeletonMode } from "../skeleton_tools";
 import { VectorField } from "../vector_field";

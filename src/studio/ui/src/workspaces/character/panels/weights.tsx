@@ -1,6 +1,6 @@
 // Weights: how they are computed, the brush, and the color scale.
 import { Button, NumberField, Panel, Segmented, Select, SliderField, Toggle } from "../../../shell/components";
-import type { BrushOp, WeightMethod } from "../messages";
+import type { BrushOp, WeightMethod } from "../../../generated/character";
 import type { Page } from "../page";
 
 const METHODS: readonly { value: WeightMethod; label: string; title: string }[] = [
