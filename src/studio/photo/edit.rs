@@ -216,13 +216,15 @@ fn adopted(
     let mut next = document.clone();
     let lines = with_file(&mut next)?;
     for line in chosen {
-        if lines.iter().any(|m| m.line.points == line.points) {
+        // As the file keeps them: what is shown is what a saved document gives.
+        let points = checked(&line.points.iter().map(|p| [p.x, p.y]).collect::<Vec<_>>(), known.size)?;
+        if lines.iter().any(|m| m.line.points == points) {
             continue;
         }
         let taken = lines.iter().any(|m| m.line.name == line.name);
         let name =
             if taken { free_name(&line.name, lines.iter().map(|m| m.line.name.as_str())) } else { line.name.clone() };
-        lines.push(MarkedLine { line: Line { name, ..line.clone() }, off: false });
+        lines.push(MarkedLine { line: Line { name, points, orientation: line.orientation }, off: false });
     }
     Ok(next)
 }

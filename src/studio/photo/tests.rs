@@ -175,6 +175,13 @@ fn found_lines_make_the_picture_until_lines_are_marked_and_are_kept_with_the_fir
     assert!(exported == written);
     bench.rest();
     let label = bench.done(json!({ "do": "add_line", "points": [[100.0, 100.0], [400.0, 120.0]] }));
+    let saved = plumbline_photo::marks::LinesFile {
+        size: (1200, 800),
+        lines: bench.document.lines.to_vec(),
+        notes: Vec::new(),
+    };
+    let read = plumbline_photo::marks::LinesFile::parse(&saved.to_json(), saved.size).expect("our own file");
+    assert_eq!(read.lines, *bench.document.lines, "adopted lines are as a file keeps them");
     assert_eq!(bench.document.lines.len(), found.len(), "all but the one that is off, and the new one: {label}");
     bench.done(json!({ "do": "delete_lines", "lines": (0..found.len()).collect::<Vec<_>>() }));
     bench.rest();

@@ -88,6 +88,8 @@ export class SourcePointer {
     const to = this.inPhoto(screen);
     if (this.page.tool.value === "line") return this.drawTo(press, to, first);
     if (this.page.tool.value === "face") return this.boxTo(press, to);
+    // Keys that moved the same point before are a step of their own.
+    if (first && press.name !== "") this.page.seal();
     this.dragTo(press, to, screen);
   }
 
