@@ -194,4 +194,6 @@ fn router(studio: Arc<Studio>) -> Router {
 }
 
 #[cfg(test)]
+mod test_server;
+#[cfg(test)]
 mod tests;

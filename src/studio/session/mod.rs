@@ -182,4 +182,6 @@ fn notice(level: Level, text: impl Into<String>) -> ToPage {
 }
 
 #[cfg(test)]
+mod test_document;
+#[cfg(test)]
 mod tests;
