@@ -16,21 +16,29 @@ const atRest = async (page) => {
   await page.waitForTimeout(150);
   await until(async () => (await page.locator(".working").getAttribute("data-working")) === "false", "rest", 30_000);
 };
-/** The state that the program sends to a window that opens now. */
-const state = (page) => page.evaluate(async () => {
+/** State and history that the program sends to a window that opens now. */
+const snapshot = (page) => page.evaluate(async () => {
   const token = sessionStorage.getItem("plumbline session");
   const id = JSON.parse(sessionStorage.getItem("plumbline tabs")).active;
   const socket = new WebSocket(`ws://${location.host}/ws?document=${encodeURIComponent(id)}`, ["plumbline", `token.${token}`]);
   const found = await new Promise((resolve, reject) => {
+    const known = {};
     socket.onmessage = ({ data }) => {
-      const message = typeof data === "string" ? JSON.parse(data) : {};
-      if (message.state) resolve(message.state);
+      Object.assign(known, typeof data === "string" ? JSON.parse(data) : {});
+      if (known.state && known.history) resolve(known);
     };
     socket.onerror = () => reject(new Error("no socket"));
   });
   socket.close();
   return found;
 });
+const state = async (page) => (await snapshot(page)).state;
+/** What was done last and is not undone. */
+const lastStep = async (page) => {
+  const { steps, at } = (await snapshot(page)).history;
+  return steps[at]?.label ?? "";
+};
+const done = (page, label) => until(async () => (await lastStep(page)).startsWith(label), `"${label}" as the last step`);
 const positions = (text) => text.split("\n").filter((line) => line.startsWith("v ")).map((line) => line.split(/\s+/).slice(1, 4).map(Number));
 function farthest(a, b) {
   assert.equal(a.length, b.length, "as many vertices");
@@ -112,12 +120,15 @@ test("a character is built, painted, posed by FK and IK, animated, undone and sa
   await atRest(page);
   await page.getByRole("figure", { name: /Weight of forearm.L/ }).waitFor();
   await page.getByRole("button", { name: "Front view" }).click();
-  await dragInView(page, [0.5, 0.35], [20, 20]);
-  await until(async () => (await state(page)).weights.painted > 0, "painted weights");
+  await dragInView(page, [0.47, 0.34], [-8, 24]);
+  await done(page, "Paint weights of");
   await atRest(page);
   await inBothThemes(page, "character-weights");
+  const { at } = (await snapshot(page)).history;
   await page.keyboard.press("Control+z");
-  await until(async () => (await state(page)).weights.painted === 0, "undo of the stroke");
+  await until(async () => (await snapshot(page)).history.at === at - 1, "undo of the whole stroke");
+  await page.keyboard.press("Control+Shift+z");
+  await done(page, "Paint weights of");
   // A pose by numbers, by a drag, with a pinned foot.
   await tab(page, "Pose");
   await joint(page, "foot.R").click();
@@ -126,15 +137,11 @@ test("a character is built, painted, posed by FK and IK, animated, undone and sa
   await joint(page, "forearm.L").click();
   await number(page, "Rotation y", 40);
   await atRest(page);
-  const steps = () => page.evaluate(() => document.querySelectorAll(".history-step").length);
-  await page.getByRole("button", { name: "History" }).first().click();
-  const history = await steps();
   await page.getByRole("button", { name: "Front view" }).click();
   await page.waitForTimeout(200);
   await joint(page, "hand.R").click();
   for (let i = 0; i < 4; i++) await page.keyboard.press("Alt+Shift+ArrowUp");
-  await until(async () => (await steps()) > history, "the pull");
-  await page.getByRole("button", { name: "History" }).first().click();
+  await done(page, "Drag hand.R");
   await atRest(page);
   await inBothThemes(page, "character-pose");
   await picture(page, "studio-character");
@@ -186,7 +193,7 @@ test("the job is done by the keyboard alone", { media: ["humanoid.glb"], open: "
   await tabTo(page, tree(page));
   await page.keyboard.type("c");
   await page.keyboard.press("p");
-  await until(async () => (await state(page)).weights.painted > 0, "painted weights");
+  await done(page, "Paint weights of chest");
   await page.keyboard.press("Alt+p");
   await tabTo(page, tree(page));
   await page.keyboard.type("h");

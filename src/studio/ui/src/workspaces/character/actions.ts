@@ -4,6 +4,7 @@ import type { Edit, ExtractionOptions, InterpolationKind, Limits, SkinningMethod
 import { rotationOfDeg } from "./frames";
 import type { Page } from "./page";
 import { upload } from "../../shell/api";
+import { notify } from "../../shell/notices";
 
 export class Actions {
   constructor(private readonly page: Page) {}
@@ -199,7 +200,10 @@ export class Actions {
   }
 
   copyCommand() {
-    void this.page.connection.ask<string>({ ask: "command" }).then((text) => navigator.clipboard.writeText(text));
+    void this.page.connection.ask<string>({ ask: "command" }).then(async (text) => {
+      const copied = await navigator.clipboard?.writeText(text).then(() => true, () => false);
+      notify("info", copied ? `In the clipboard: ${text}` : text);
+    });
   }
 }
 
