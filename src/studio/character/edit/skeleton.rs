@@ -12,7 +12,7 @@ use crate::error::StudioError;
 use crate::workspace::Step;
 use plumbline_num::run::Run;
 use plumbline_num::spatial::Ray;
-use plumbline_shape::character::edit::{Edit, Plane, RigEditor, volume_center};
+use plumbline_shape::character::edit::{Edit, Edited as Applied, Plane, RigEditor, volume_center};
 use plumbline_shape::character::io::{Rig, read_rig};
 use plumbline_shape::character::{Limits, Skeleton, SkinWeights};
 use plumbline_shape::mesh::ReadLimits;
@@ -31,8 +31,11 @@ pub(super) fn apply(document: &CharacterDocument, message: Message, around: &mut
     }
     let (label, edits) = edits(message, skeleton.as_deref(), around)?;
     let mut editor = Editor { rig: RigEditor::new(skeleton.as_deref()), document: document.clone() };
+    // Edits name joints by their numbers before the first of them.
+    let mut now: Vec<Option<u32>> = (0..editor.rig.joints().len() as u32).map(Some).collect();
     for edit in edits {
-        editor.apply(edit, around)?;
+        let edited = editor.apply(renumbered(edit, &now), around)?;
+        now.iter_mut().for_each(|j| *j = j.and_then(|j| edited.joint_of.get(j as usize).copied().flatten()));
     }
     let mut document = editor.document;
     document.skeleton = editor.rig.skeleton().map_or(SkeletonSource::None, |s| SkeletonSource::Made(Arc::new(s)));
@@ -50,7 +53,7 @@ struct Editor {
 }
 
 impl Editor {
-    fn apply(&mut self, edit: Edit, around: &Around<'_>) -> Result<(), StudioError> {
+    fn apply(&mut self, edit: Edit, around: &Around<'_>) -> Result<Applied, StudioError> {
         let before = self.rig.skeleton().map(Arc::new);
         let renamed = match &edit {
             Edit::Rename { joint, name } => {
@@ -76,7 +79,17 @@ impl Editor {
             }
         }
         let _ = around;
-        Ok(())
+        Ok(edited)
+    }
+}
+
+/// An edit of several joints with the numbers that they have now; unknown ones stay, and are refused.
+fn renumbered(edit: Edit, now: &[Option<u32>]) -> Edit {
+    let number = |j: u32| now.get(j as usize).copied().flatten().unwrap_or(j);
+    match edit {
+        Edit::Dissolve { joint } => Edit::Dissolve { joint: number(joint) },
+        Edit::Remove { joint } => Edit::Remove { joint: number(joint) },
+        other => other,
     }
 }
 
@@ -190,7 +203,7 @@ fn edits(
     }
 }
 
-/// Several edits of one kind; from the last joint to the first, so that the numbers of those to come stay.
+/// Several edits of one kind, from the last joint to the first.
 fn several(
     what: &str,
     joints: &[u32],

@@ -11,7 +11,9 @@ use plumbline_shape::character::skeleton_file::SkeletonFile;
 use plumbline_shape::mesh::{shapes, write_model};
 
 mod edits;
+mod joints;
 mod messages;
+mod runs;
 
 /// An opened document, as a session has it.
 pub(super) struct Opened {
