@@ -6,8 +6,8 @@ use super::*;
 fn joints_that_are_removed_together_are_those_that_were_chosen_whatever_goes_with_them() {
     let mut opened = Opened::bar();
     opened.edit(json!({"do": "add", "at": [0.5, 0.5, 1], "name": "hip"})).unwrap();
-    for name in ["a", "b", "c", "d"] {
-        opened.edit(json!({"do": "extrude", "joint": 0, "at": [0.5, 0.5, 2], "name": name})).unwrap();
+    for (z, name) in [(2, "a"), (3, "b"), (4, "c"), (5, "d")] {
+        opened.edit(json!({"do": "extrude", "joint": 0, "at": [0.5, 0.5, z], "name": name})).unwrap();
     }
     // A child whose number is below that of its parent goes with it.
     opened.edit(json!({"do": "reparent", "joints": [1], "parent": 3})).unwrap();
