@@ -281,8 +281,9 @@ impl Deformer {
     }
 
     /// A few iterations from the result of the last call: for a hand that drags. As [`Self::deform`] with [`InitialGuess::Last`], but
-    /// the report of iterative ARAP has no distortion (all zero), and its energies are rounded to 10⁻¹² of the elastic scale of the
-    /// mesh: measuring takes as long as an iteration.
+    /// for ARAP with [`Solver::Accelerated`] or [`Solver::GaussNewton`] the report has no distortion (all zero), and its energies are
+    /// rounded to 10⁻¹² of the elastic scale of the mesh: measuring takes as long as an iteration. Calls in a row go on with what the
+    /// solver learnt of the energy, and a run that ends after an iteration gives the surface so far.
     ///
     /// # Errors
     /// As [`Self::deform`].

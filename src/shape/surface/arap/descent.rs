@@ -28,12 +28,13 @@ pub(super) trait Directions {
 }
 
 /// Minimizes from `x`, with hard constraints at their targets; returns the energies of the initial guess and after each iteration.
+/// With `partial` a run that ends after an iteration ends the minimization there, as the iteration limit does.
 pub(super) fn descend(
     elastic: &mut Elastic,
     directions: &mut impl Directions,
     targets: &[Lanes],
     x: &mut [Lanes],
-    convergence: &Convergence,
+    (convergence, partial): (&Convergence, bool),
     run: &Run,
 ) -> Result<(Vec<f64>, Stop), Stopped> {
     let n = elastic.system.free().len();
@@ -41,7 +42,10 @@ pub(super) fn descend(
     let (mut g, mut next, mut p) = (vec![Lanes::ZERO; n], vec![Lanes::ZERO; n], vec![Lanes::ZERO; n]);
     let mut energies = vec![elastic.slope(x, targets, &mut work, &mut g)];
     while energies.len() <= convergence.max_iterations {
-        run.step((energies.len() - 1) as f64 / convergence.max_iterations as f64)?;
+        match run.step((energies.len() - 1) as f64 / convergence.max_iterations as f64) {
+            Err(_) if partial && energies.len() > 1 => return Ok((energies, Stop::IterationLimit)),
+            ended => ended?,
+        }
         directions.direction(elastic, &g, &mut p, run)?;
         let before = energies[energies.len() - 1];
         let descent = -dot(&p, &g);

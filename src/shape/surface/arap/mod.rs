@@ -43,7 +43,6 @@ use super::spread::Patches;
 use super::{Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
-use plumbline_num::energy::Convergence;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::{Run, Stopped};
 
@@ -57,6 +56,8 @@ pub(super) struct Arap {
     /// For Gauss–Newton only.
     inertia: Vec<Inertia>,
     last: Option<Vec<Lanes>>,
+    /// Steps of the calls that follow a hand: the Hessian hardly depends on the targets.
+    following: Lbfgs,
 }
 
 impl Arap {
@@ -84,7 +85,7 @@ impl Arap {
             Solver::GaussNewton => elastic.cells.inertia(&bound.rest),
             Solver::LocalGlobal | Solver::Accelerated => Vec::new(),
         };
-        Ok(Self { bound, elastic, patches, solver: options.solver, inertia, last: None })
+        Ok(Self { bound, elastic, patches, solver: options.solver, inertia, last: None, following: Lbfgs::default() })
     }
 
     /// The initial positions, with hard constraints at their targets.
@@ -110,17 +111,20 @@ impl Arap {
         &mut self,
         targets: &[Lanes],
         x: &mut [Lanes],
-        convergence: &Convergence,
-        run: &Run,
+        &Request { convergence, run, measured, .. }: &Request<'_>,
     ) -> Result<(Vec<f64>, Stop), Stopped> {
         let elastic = &mut self.elastic;
+        if measured {
+            self.following = Lbfgs::default();
+        }
+        let until = (convergence, !measured);
         match self.solver {
             _ if elastic.smoothness.is_some() => local_global::minimize(elastic, targets, x, convergence, run),
             Solver::LocalGlobal => local_global::minimize(elastic, targets, x, convergence, run),
-            Solver::Accelerated => descend(elastic, &mut Lbfgs::default(), targets, x, convergence, run),
+            Solver::Accelerated => descend(elastic, &mut self.following, targets, x, until, run),
             Solver::GaussNewton => {
                 let mut linearized = Linearized::new(&self.inertia, elastic.system.free().len(), x.len());
-                descend(elastic, &mut linearized, targets, x, convergence, run)
+                descend(elastic, &mut linearized, targets, x, until, run)
             }
         }
     }
@@ -147,9 +151,12 @@ impl DeformSolver for Arap {
     fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError> {
         let targets = self.bound.targets(request.pose)?;
         let mut x = self.initial(request, &targets)?;
-        let (mut energies, stop) = self.minimize(&targets, &mut x, request.convergence, request.run)?;
+        let (mut energies, stop) = self.minimize(&targets, &mut x, request)?;
         if let Some(last) = energies.last_mut().filter(|_| request.measured) {
             *last = self.elastic.exact_energy(&self.bound.rest, &x) + self.elastic.system.soft_energy(&x, &targets);
+        }
+        if request.measured {
+            self.following = Lbfgs::default();
         }
         let counts = (self.elastic.weights.negative(), self.elastic.cotangents.degenerate());
         let done = if request.measured {

@@ -6,6 +6,7 @@ use super::super::test_meshes::{placed, sheet, tube};
 use super::super::{Constraint, Deformer, HandlePose, InitialGuess};
 use super::*;
 use crate::mesh::operators::{CotangentRule, EdgeWeights};
+use plumbline_num::energy::Convergence;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
@@ -84,7 +85,7 @@ fn the_energy_never_increases_and_equals_its_definition_edge_by_edge() {
             let (convergence, run) = (tight(60), Run::default());
             let request = Request { pose: &pose, guess: start, convergence: &convergence, run: &run, measured: true };
             let mut x = arap.initial(&request, &targets).unwrap();
-            let (energies, _) = arap.minimize(&targets, &mut x, &convergence, &run).expect("a run that never stops");
+            let (energies, _) = arap.minimize(&targets, &mut x, &request).expect("a run that never stops");
             for pair in energies.windows(2) {
                 assert!(pair[1] <= pair[0] * (1.0 + 1e-12), "{kind:?} {solver:?} {pair:?}");
             }
