@@ -13,9 +13,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use plumbline::num::run::Run;
+use serde_json::{Value, json};
+
+use plumbline::num::run::{Interrupt, Run};
 use plumbline::shape::mesh::{Model, ReadLimits, TriMesh, read_model, write_model};
 use plumbline::shape::surface::{Hierarchy, KeyframedDeformer, SolvableMesh};
+use plumbline_studio::error::StudioError;
 use plumbline_studio::files::DocumentFiles;
 use plumbline_studio::mesh::MeshWorkspace;
 use plumbline_studio::mesh::encode::BufferKind;
@@ -36,6 +39,7 @@ fn main() -> Result<(), Failure> {
     let file = folder.path().canonicalize()?.join("mesh.obj");
     write_model(&file, &Model::of_mesh(of_size(Path::new(path), size)?))?;
     let mut bench = Bench::open(&file)?;
+    bench.settle()?;
     bench.make_handles()?;
     let history = bench.drags()?;
     bench.rest()?;
@@ -164,15 +168,30 @@ impl Bench {
         Ok(history)
     }
 
-    /// The energy one second after the pointer rests, against the headless result.
+    /// The energy after one second of the processor's time at rest, against the headless result.
     fn rest(&mut self) -> Result<(), Failure> {
-        let (started, wall) = (cpu(), Instant::now());
-        while wall.elapsed() < Duration::from_secs(1) {
-            if self.workspace.work(&self.document, &mut self.out, &Run::default())? == Work::Rest {
-                break;
+        let started = cpu();
+        let interrupt = Interrupt::new();
+        let watch = {
+            let interrupt = interrupt.clone();
+            std::thread::spawn(move || {
+                while cpu() - started < Duration::from_secs(1) && !interrupt.is_stopped() {
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+                interrupt.stop();
+            })
+        };
+        let run = Run::with_interrupt(&interrupt);
+        while !interrupt.is_stopped() {
+            match self.workspace.work(&self.document, &mut self.out, &run) {
+                Ok(Work::Rest) | Err(StudioError::Stopped(_)) => break,
+                Ok(Work::More) => {}
+                Err(error) => return Err(error.into()),
             }
         }
         let spent = cpu() - started;
+        interrupt.stop();
+        watch.join().map_err(|_| "the watch failed")?;
         let state = serde_json::to_value(self.workspace.state(&self.document))?;
         let energy = state["solve"]["energy"].as_f64().ok_or("no energy")?;
         self.workspace.save(&self.document, &mut self.files)?;

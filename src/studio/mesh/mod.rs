@@ -200,9 +200,10 @@ impl Workspace for MeshWorkspace {
                 && Arc::ptr_eq(&d.region, &document.region)
         };
         self.stale.owners |= old.as_ref().is_none_or(|d| !same_handles(d));
-        let was_exact = self.solver.exact;
         self.solver.set(document, self.time(document));
-        self.stale.surface |= was_exact && document.handles.is_empty();
+        // Without handles there is nothing to solve, and the rest shape to be shown.
+        let had_handles = old.as_ref().is_none_or(|d| !d.handles.is_empty());
+        self.stale.surface |= had_handles && document.handles.is_empty();
     }
 
     fn state(&self, document: &Self::Document) -> Self::State {
