@@ -1,7 +1,7 @@
 //! What a file is, by its first bytes and, for texts, by its name: which workspace opens it.
 
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::StudioError;
 use plumbline_num::files::open_regular;
@@ -42,6 +42,9 @@ impl Content {
     /// A file that cannot be read, or is none of these.
     pub fn of(path: &Path) -> Result<Self, StudioError> {
         let fail = |why: String| StudioError::Input { path: path.to_owned(), why };
+        if is_rig(path) && !path.exists() {
+            return Ok(Self::Character);
+        }
         let extension = extension(path);
         let limit = if extension == "toml" { MAX_PIPELINE + 1 } else { HEAD };
         let mut bytes = Vec::new();
@@ -51,6 +54,23 @@ impl Content {
             return pipeline(&bytes).map_err(fail);
         }
         of_bytes(&bytes, &extension, path).ok_or_else(|| fail(UNKNOWN.to_owned()))
+    }
+}
+
+/// Ending of the pipeline files of characters.
+pub const RIG: &str = ".character.toml";
+
+/// Whether a path is that of a character's pipeline file.
+pub fn is_rig(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(RIG))
+}
+
+/// The pipeline file of the character that is made of a mesh; another file is its own.
+pub fn rig_of(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    match extension(path).as_str() {
+        "toml" => path.to_owned(),
+        _ => path.with_file_name(format!("{}{RIG}", name.split('.').next().unwrap_or_default())),
     }
 }
 

@@ -56,9 +56,21 @@ pub(super) fn pipeline(files: &DocumentFiles) -> Result<PipelineText, StudioErro
                 .map_err(|e| StudioError::Input { path: path.clone(), why: format!("is no text: {e}") })?;
             PipelineText::read(&path, text)
         }
-        None if is_pipeline => Err(StudioError::Input { path, why: "there is no such file".to_owned() }),
+        None if is_pipeline => {
+            let mesh = mesh_beside(files).ok_or_else(|| StudioError::Input {
+                path: path.clone(),
+                why: "there is no such file, and no mesh of this name beside it".to_owned(),
+            })?;
+            PipelineText::begin(&path, &mesh, &files.side_file(".skeleton.json"))
+        }
         None => PipelineText::begin(&path, &opened, &files.side_file(".skeleton.json")),
     }
+}
+
+/// The mesh that a character is begun for: of the same name as its pipeline file.
+fn mesh_beside(files: &DocumentFiles) -> Option<PathBuf> {
+    let endings = [".obj", ".ply", ".off", ".stl", ".glb", ".gltf"];
+    endings.iter().map(|ending| files.side_file(ending)).find(|path| path.is_file())
 }
 
 /// Reads the document of a pipeline and its model.

@@ -189,7 +189,11 @@ impl Rigs {
     ///
     /// # Errors
     /// Weights of another skeleton.
-    pub(super) fn skin(&mut self, skeleton: &Arc<Skeleton>, weights: &Arc<SkinWeights>) -> Result<Arc<Skin>, StudioError> {
+    pub(super) fn skin(
+        &mut self,
+        skeleton: &Arc<Skeleton>,
+        weights: &Arc<SkinWeights>,
+    ) -> Result<Arc<Skin>, StudioError> {
         let key = (skeleton.clone(), Same(weights.clone()));
         if let Some(known) = self.skins.get(&key) {
             return Ok(known);

@@ -1,5 +1,6 @@
 //! `/api` and downloads: JSON requests of the page.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use axum::Json;
@@ -11,6 +12,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::{Studio, examples};
+use crate::content;
 use crate::error::StudioError;
 use crate::protocol::PROTO;
 use crate::session::Document;
@@ -74,13 +76,16 @@ fn described(document: &Document) -> Value {
 #[derive(Deserialize)]
 pub(super) struct Open {
     path: String,
+    /// `character`: a mesh is opened to be rigged, not to be deformed.
+    #[serde(default)]
+    workspace: Option<String>,
 }
 
 /// `POST /api/open`: opens a file, and answers once it is open.
 pub(super) async fn open(State(studio): Shared, Json(request): Json<Open>) -> Response {
     let begin = {
         let studio = Arc::clone(&studio);
-        move || begin_to_open(&studio, &request.path)
+        move || begin_to_open(&studio, &request)
     };
     let document = match tokio::task::spawn_blocking(begin).await {
         Ok(Ok(document)) => document,
@@ -96,15 +101,30 @@ pub(super) async fn open(State(studio): Shared, Json(request): Json<Open>) -> Re
     }
 }
 
-fn begin_to_open(studio: &Studio, path: &str) -> Result<Arc<Document>, Box<Response>> {
-    let path = match examples::find(path) {
+fn begin_to_open(studio: &Studio, request: &Open) -> Result<Arc<Document>, Box<Response>> {
+    let path = match examples::find(&request.path) {
         Some((name, bytes)) => studio
             .uploads
             .keep(name, &bytes)
             .map_err(|e| refusal(StatusCode::SERVICE_UNAVAILABLE, &format!("the example cannot be copied: {e}")))?,
-        None => studio.folders.resolve(path).map_err(|why| refusal(StatusCode::NOT_FOUND, &why))?,
+        None => found(studio, &request.path).map_err(|why| refusal(StatusCode::NOT_FOUND, &why))?,
+    };
+    let path = match request.workspace.as_deref() {
+        Some("character") => content::rig_of(&path),
+        _ => path,
     };
     studio.documents.open(&path).map_err(|error| Box::new(refused(&error)))
+}
+
+/// The file of a path. That of a character need not be there yet: it is begun for the mesh beside it.
+fn found(studio: &Studio, path: &str) -> Result<PathBuf, String> {
+    let file = std::path::Path::new(path);
+    match (content::is_rig(file), file.parent(), file.file_name()) {
+        (true, Some(folder), Some(name)) if studio.folders.resolve(path).is_err() => {
+            Ok(studio.folders.resolve(&folder.to_string_lossy())?.join(name))
+        }
+        _ => studio.folders.resolve(path),
+    }
 }
 
 #[derive(Deserialize)]

@@ -182,3 +182,14 @@ fn a_skeleton_file_with_a_cycle_is_refused_with_its_path() {
     let error = CharacterWorkspace::open(&mut files, &Run::default()).map(drop).expect_err("a cycle").to_string();
     assert!(error.contains("bar.skeleton.json"), "{error}");
 }
+
+#[test]
+fn a_character_is_begun_for_a_mesh_by_the_name_of_its_pipeline_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let bar = Model::of_mesh(shapes::bar([2, 2, 12], [1.0, 1.0, 6.0]));
+    write_model(&folder.path().join("bar.ply"), &bar).unwrap();
+    let opened = Opened::of(folder, "bar.character.toml");
+    assert_eq!(opened.state().mesh.vertices, bar.mesh().vertex_count());
+    let mut files = DocumentFiles::new(opened.path("none.character.toml"), Default::default());
+    assert!(CharacterWorkspace::open(&mut files, &Run::default()).is_err());
+}

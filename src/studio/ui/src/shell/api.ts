@@ -76,7 +76,7 @@ export const listFolder = (path?: string) =>
   request(path === undefined ? "/api/files" : `/api/files?folder=${encodeURIComponent(path)}`) as Promise<FolderListing>;
 
 /** Opens a file as a document, or finds the one that is open. */
-export const openFile = (path: string) => post("/api/open", { path }) as Promise<DocumentInfo>;
+export const openFile = (path: string, workspace?: "character") => post("/api/open", workspace ? { path, workspace } : { path }) as Promise<DocumentInfo>;
 
 /** Closes a document in all windows; what is not saved is kept for the next time. */
 export const closeDocument = (document: string) => post("/api/close", { document });

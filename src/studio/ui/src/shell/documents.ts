@@ -67,8 +67,8 @@ export function close(document: string) {
 }
 
 /** Opens a file of the server by its path; a refusal is shown as a notice. */
-export async function openPath(path: string): Promise<void> {
-  await attempt(async () => add(await openFile(path)));
+export async function openPath(path: string, workspace?: "character"): Promise<void> {
+  await attempt(async () => add(await openFile(path, workspace)));
 }
 
 /** Stores files that were dropped, then opens the first that is a document. */

@@ -4,6 +4,7 @@ import type { Edit, Overlay } from "../../generated/mesh";
 import { copyCommand, savePicture } from "./output_panel";
 import type { MeshPage, ToolName } from "./page";
 import { addKey } from "./timeline";
+import { active, openPath } from "../../shell/documents";
 
 export function commandsOf(page: MeshPage): Command[] {
   return [...selection(page), ...handles(page), ...tools(page), ...views(page), ...files(page)];
@@ -76,6 +77,7 @@ function views(page: MeshPage): Command[] {
   const colors = (kind: Overlay, title: string): Command =>
     ({ id: `colors-${kind}`, title, group: "View", run: () => page.connection.view({ overlay: kind }) });
   return [
+    { id: "rig-mesh", title: "Rig this mesh: open as a character", group: "Tools", run: () => void rig() },
     { id: "fit", title: "Show all", group: "View", shortcut: "Home", run: () => page.view?.fit() },
     { id: "wireframe", title: "Wireframe", group: "View", shortcut: "Shift+W", run: () => (page.wireframe.value = !page.wireframe.value) },
     { id: "flat", title: "Flat shading", group: "View", run: () => (page.flat.value = !page.flat.value) },
@@ -90,4 +92,10 @@ function files(page: MeshPage): Command[] {
     { id: "export-picture", title: "Save picture", group: "File", run: () => void savePicture(page) },
     { id: "copy-command", title: "Copy as command", group: "File", run: () => void copyCommand(page) },
   ];
+}
+
+/** Opens the mesh that is shown in the character workspace. */
+async function rig() {
+  const info = active.peek()?.info;
+  if (info) await openPath(info.path, "character");
 }
