@@ -199,7 +199,6 @@ fn check_threads(count: usize) -> Result<(), Shortage> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
-    use crate::sparse::SparseError;
     use rustix::io::Errno;
 
     fn io(code: Errno) -> io::Error {
@@ -226,9 +225,6 @@ mod tests {
             assert_eq!(Shortage::of(&io::Error::other(Wrapped(io(code)))), expected);
         }
         assert_eq!(Shortage::of_io(&io::ErrorKind::OutOfMemory.into()), Some(Shortage(Resource::Memory)));
-        let factor = SparseError::out_of_memory(7);
-        assert_eq!(Shortage::of(&factor), Some(Shortage(Resource::Memory)), "an error of a solver carries it");
-        assert_eq!(Shortage::in_text(&factor.to_string()), None, "and is not known by its words");
     }
 
     #[test]

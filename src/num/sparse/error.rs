@@ -186,3 +186,16 @@ impl SparseError {
         self
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_little_memory_is_known_by_its_type_and_not_by_its_words() {
+        let factor = SparseError::out_of_memory(7);
+        assert_eq!(Shortage::of(&factor), Some(Shortage(Resource::Memory)));
+        assert_eq!(Shortage::in_text(&factor.to_string()), None);
+        assert_eq!(Shortage::of(&SparseError::Pivot { unknown: 7 }), None);
+    }
+}
