@@ -25,7 +25,7 @@ pub enum PhotoError {
     Document(#[from] DocumentError),
     /// Input: a value that is not finite, so that the energy has no minimizer.
     #[error("the mesh could not be solved: {0}")]
-    Energy(EnergyError),
+    Energy(#[source] EnergyError),
     /// Input: a value that is not finite, so that the mesh is no warp.
     #[error(transparent)]
     Warp(#[from] WarpError),

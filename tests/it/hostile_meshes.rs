@@ -106,6 +106,39 @@ fn a_vertex_of_many_sheets_costs_no_more_than_its_triangles() {
     assert!(found.nodes.iter().all(|p| p.iter().all(|c| c.is_finite())));
 }
 
+/// A disk whose `n` triangles meet at its center.
+fn fan(n: u32) -> TriMesh {
+    let angle = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(n);
+    let rim = (0..n).map(|k| Point3::new(angle(k).cos(), angle(k).sin(), 0.0));
+    let positions = std::iter::once(Point3::new(0.0, 0.0, 1.0)).chain(rim).collect();
+    TriMesh::new(positions, (0..n).map(|k| [0, 1 + k, 1 + (k + 1) % n]).collect()).expect("corners exist")
+}
+
+#[test]
+fn a_star_of_triangles_at_one_vertex_has_a_curve() {
+    // Of 82 000 triangles it takes 5 s; when every edge of the hub was looked up among all others it took minutes.
+    let (found, report) = curve(&fan(12_000)).expect("a disk");
+    assert_eq!(report.parts, 1);
+    assert!(found.nodes.iter().all(|p| p.coords.norm() < 2.0), "the curve is near the disk");
+}
+
+/// Triangles between any of `vertices` points in a unit cube.
+fn soup(vertices: u32, triangles: usize) -> TriMesh {
+    let mut random = fastrand::Rng::with_seed(11);
+    let positions = (0..vertices).map(|_| Point3::from([(); 3].map(|()| random.f64()))).collect();
+    let corner = |random: &mut fastrand::Rng| random.u32(0..vertices);
+    let distinct = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
+    let any = std::iter::repeat_with(|| [(); 3].map(|()| corner(&mut random)));
+    TriMesh::new(positions, any.filter(distinct).take(triangles).collect()).expect("corners exist")
+}
+
+#[test]
+fn a_soup_of_triangles_between_many_vertices_ends() {
+    let (found, report) = curve(&soup(600, 6000)).expect("a soup");
+    assert_eq!((report.parts, found.node_of_vertex.len()), (1, 600));
+    assert!(found.nodes.iter().flat_map(|p| p.iter()).all(|c| (-0.5..1.5).contains(c)), "the curve is near the cube");
+}
+
 #[test]
 fn modes_of_many_parts_leave_out_the_rigid_motions_of_each() {
     let part = |k: u32| {
@@ -117,6 +150,15 @@ fn modes_of_many_parts_leave_out_the_rigid_motions_of_each() {
     let found = modes(&parts, 3, &ModesOptions::default(), &Run::default()).expect("a small system");
     assert_eq!(found.rigid, 6 * 150);
     assert!(found.values.iter().all(|v| *v > 0.0 && v.is_finite()));
+}
+
+#[test]
+fn modes_of_a_hub_are_refused_before_they_take_memory_and_time() {
+    // Every two of 6000 vertices share the cell of the hub: 1.5 GB of entries, and a dense factor of 18 000 unknowns.
+    let refused = modes(&fan(6000), 3, &ModesOptions::default(), &Run::default()).unwrap_err().to_string();
+    assert!(refused.contains("too many unknowns depend on one another") && refused.contains("remesh"), "{refused}");
+    let found = modes(&fan(300), 3, &ModesOptions::default(), &Run::default()).expect("a small hub");
+    assert_eq!(found.values.len(), 3);
 }
 
 #[test]
@@ -143,6 +185,21 @@ fn lengths_beyond_double_precision_are_refused_with_a_remedy() {
             Err(other) => panic!("{method:?}: {other}"),
         }
     }
+}
+
+#[test]
+fn of_thousands_of_joints_that_move_nothing_a_few_are_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    write_model(&folder.join("a.off"), &Model::of_mesh(shapes::icosphere(1))).expect("a file");
+    let joint = |k: u32| format!("{} {} 0 0\n", k + 1, f64::from(k) / 3000.0);
+    let bone = |k: u32| format!("{k} {}\n", k + 1);
+    let chain = (0..3000).map(joint).chain(["#\n".to_owned()]).chain((1..3000).map(bone)).collect::<String>();
+    fs::write(folder.join("a.tgf"), chain).expect("a file");
+    let run = succeed(folder, &["skin", "weights", "a.off", "--skeleton", "a.tgf", "-o", "a.json"]);
+    let said = err(&run);
+    assert!(said.contains("no vertex follows ") && said.contains(" others"), "{}", said.len());
+    assert!(said.len() < 1000, "{} characters", said.len());
 }
 
 #[test]

@@ -92,6 +92,43 @@ fn targets_are_checked_before_anything_is_written() {
     );
 }
 
+#[cfg(unix)]
+#[test]
+fn targets_that_are_no_files_are_refused_by_their_kind_also_through_links() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    std::fs::copy(media("mesh-bar.ply"), folder.join("a.ply")).expect("a copy");
+    std::fs::create_dir(folder.join("folder.ply")).expect("a folder");
+    let made = std::process::Command::new("mkfifo").arg(folder.join("pipe.ply")).status().expect("mkfifo runs");
+    assert!(made.success());
+    let _socket = std::os::unix::net::UnixListener::bind(folder.join("socket.ply")).expect("a socket");
+    for kind in ["folder", "pipe", "socket"] {
+        let link = folder.join(format!("{kind}-link.ply"));
+        std::os::unix::fs::symlink(format!("{kind}.ply"), link).expect("a link");
+    }
+    // A device only through a link: a fault of the test would replace that of the machine.
+    std::os::unix::fs::symlink("/dev/null", folder.join("device-link.ply")).expect("a link");
+    let before = names(folder);
+    let kept = "not a regular file; it is not replaced; give the name of a new file";
+    for (target, message) in [
+        ("folder", "a folder, not a regular file; give the path of a file in it".to_owned()),
+        ("folder-link", "a folder, not a regular file; give the path of a file in it".to_owned()),
+        ("pipe", format!("a named pipe, {kept}")),
+        ("pipe-link", format!("a named pipe, {kept}")),
+        ("socket", format!("a socket, {kept}")),
+        ("socket-link", format!("a socket, {kept}")),
+        ("device-link", format!("a device, {kept}")),
+    ] {
+        for args in [&["convert"][..], &["convert", "--overwrite"], &["repair"], &["repair", "--overwrite"]] {
+            let output = format!("{target}.ply");
+            let ran = plumbline_in(folder, &[&["mesh"], args, &["a.ply", "-o", &output]].concat());
+            let expected = format!("error: {output}: cannot be written: {message}\n");
+            assert_eq!((ran.status.code(), err(&ran)), (Some(73), expected), "{args:?}");
+        }
+    }
+    assert_eq!(names(folder), before);
+}
+
 #[test]
 fn repair_writes_a_manifold_and_reports_its_changes() {
     let folder = tempfile::tempdir().expect("a folder");

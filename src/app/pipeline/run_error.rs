@@ -72,12 +72,20 @@ impl From<Stopped> for RunError {
     }
 }
 
+/// A temporary failure where an error says that the process has too little of something, else `fault`.
+fn shortage_or(error: &(dyn std::error::Error + 'static), fault: fn(String) -> RunError) -> RunError {
+    match Shortage::of(error) {
+        Some(shortage) => RunError::Temporary(format!("{error} ({shortage})")),
+        None => fault(error.to_string()),
+    }
+}
+
 impl From<PhotoError> for RunError {
     fn from(error: PhotoError) -> Self {
         match error {
             PhotoError::Interrupted(stopped) => stopped.into(),
             PhotoError::Option(_) | PhotoError::Output(_) => Self::Usage(error.to_string()),
-            _ => Self::Input(error.to_string()),
+            _ => shortage_or(&error, Self::Input),
         }
     }
 }
@@ -92,7 +100,7 @@ impl From<StabilizeError> for RunError {
                 Self::Input(format!("a path file needs the cameras of the clip: {wanted}"))
             }
             StabilizeError::Store(_) => Self::Temporary(error.to_string()),
-            _ => Self::Input(error.to_string()),
+            _ => shortage_or(&error, Self::Input),
         }
     }
 }
@@ -118,7 +126,7 @@ impl From<SurfaceError> for RunError {
         match error {
             SurfaceError::Interrupted(stopped) => stopped.into(),
             SurfaceError::Option { .. } | SurfaceError::Convergence(_) => Self::Usage(error.to_string()),
-            other => Self::Input(other.to_string()),
+            other => shortage_or(&other, Self::Input),
         }
     }
 }
@@ -127,7 +135,7 @@ impl From<MorphError> for RunError {
     fn from(error: MorphError) -> Self {
         match error {
             MorphError::Interrupted(stopped) => stopped.into(),
-            other => Self::Input(other.to_string()),
+            other => shortage_or(&other, Self::Input),
         }
     }
 }
@@ -137,7 +145,7 @@ impl From<CharacterError> for RunError {
         match error {
             CharacterError::Interrupted(stopped) => stopped.into(),
             CharacterError::Option(_) => Self::Usage(error.to_string()),
-            other => Self::Input(other.to_string()),
+            other => shortage_or(&other, Self::Input),
         }
     }
 }
@@ -201,5 +209,36 @@ impl RunError {
     /// Another try may succeed.
     pub fn is_temporary(&self) -> bool {
         matches!(self, Self::Temporary(_))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plumbline_image::warp::WarpError;
+    use plumbline_num::energy::EnergyError;
+    use plumbline_num::limits::Resource;
+    use plumbline_num::sparse::SparseError;
+
+    #[test]
+    fn too_little_memory_in_a_solver_is_temporary_whatever_error_it_is_wrapped_in() {
+        let factor = || SparseError::OutOfMemory { unknowns: 7, source: Shortage(Resource::Memory) };
+        let warp = || WarpError::Energy(EnergyError::Solve(factor()));
+        let all: [RunError; 7] = [
+            SurfaceError::Solve(factor()).into(),
+            CharacterError::Solve(factor()).into(),
+            CharacterError::Surface(SurfaceError::Solve(factor())).into(),
+            MorphError::Numerics(factor()).into(),
+            PhotoError::Energy(EnergyError::Solve(factor())).into(),
+            PhotoError::Warp(warp()).into(),
+            StabilizeError::Warp { frame: 3, reason: warp() }.into(),
+        ];
+        for error in all {
+            let text = error.to_string();
+            assert_eq!(error.exit(), Exit::Temporary, "{text}");
+            assert!(text.contains("out of memory for the factor of 7 unknowns (out of memory"), "{text}");
+        }
+        let other = RunError::from(SurfaceError::Solve(SparseError::Pivot { unknown: 7 }));
+        assert_eq!(other.exit(), Exit::Input, "{other}");
     }
 }

@@ -26,9 +26,10 @@ pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RunError> {
     let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = built.map_err(|e| refused(&reason(&e)))?;
     let shared = SHARED.get_or_init(|| {
-        let build = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-        // 0: as many as processors.
-        let built = build(0).or_else(|_| build(threads));
+        // A global pool that could not be built cannot be built again: a second attempt is told that there is one.
+        let all = std::thread::available_parallelism().map_or(threads, usize::from);
+        let count = if Shortage::check(all, 0).is_ok() { all } else { threads };
+        let built = rayon::ThreadPoolBuilder::new().num_threads(count).build_global();
         // One that is there already, of a program that uses this library, has no error of the system behind it.
         built.err().filter(|e| std::error::Error::source(e).is_some()).map(|e| reason(&e))
     });

@@ -54,6 +54,9 @@ impl Stage for SkinWeightsSettings {
     }
 }
 
+/// Names in one warning; a skeleton may have thousands of joints.
+const MAX_LISTED: usize = 20;
+
 /// What the user should know.
 fn warn(context: &mut Context<'_, '_>, report: &WeightReport, options: &WeightOptions, name: impl Fn(u32) -> String) {
     if report.by_distance {
@@ -66,8 +69,10 @@ fn warn(context: &mut Context<'_, '_>, report: &WeightReport, options: &WeightOp
         ));
     }
     if !report.unused_joints.is_empty() {
-        let names: Vec<String> = report.unused_joints.iter().map(|&j| name(j)).collect();
-        context.warn(format!("no vertex follows {}", names.join(", ")));
+        let names: Vec<String> = report.unused_joints.iter().take(MAX_LISTED).map(|&j| name(j)).collect();
+        let more = report.unused_joints.len() - names.len();
+        let more = if more > 0 { format!(" and {more} others") } else { String::new() };
+        context.warn(format!("no vertex follows {}{more}", names.join(", ")));
     }
     if options.method == WeightMethod::BoundedBiharmonic && report.residual > 1e-3 {
         context

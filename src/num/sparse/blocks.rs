@@ -79,6 +79,11 @@ pub(super) struct Analysis {
 }
 
 impl Analysis {
+    /// Multiplications of the factorization.
+    pub(super) fn flops(&self) -> f64 {
+        self.counts.iter().map(|&c| f64::from(c) * f64::from(c)).sum()
+    }
+
     pub(super) fn new(pattern: &Pattern, order: &Permutation) -> Self {
         let Elimination { order, parent } = Elimination::postordered(pattern, order);
         let permuted = Permuted::new(pattern, &order);

@@ -68,10 +68,23 @@ impl<T: Scalar> Cholesky<T> {
     /// # Errors
     /// [`SparseError::OutOfRange`] where a given ordering has another size; [`SparseError::OutOfMemory`].
     pub fn analyze(pattern: &Arc<Pattern>, ordering: &Ordering) -> Result<Self, SparseError> {
+        Self::analyze_within(pattern, ordering, f64::INFINITY)
+    }
+
+    /// [`Self::analyze`] of a system whose factorization takes at most `most` multiplications; a denser one is refused before its factor is
+    /// allocated.
+    ///
+    /// # Errors
+    /// Those of [`Self::analyze`]; [`SparseError::TooDense`].
+    pub fn analyze_within(pattern: &Arc<Pattern>, ordering: &Ordering, most: f64) -> Result<Self, SparseError> {
         let analysis = Analysis::new(pattern, &ordering.permutation(pattern)?);
+        let flops = analysis.flops();
+        if flops > most {
+            return Err(SparseError::TooDense { flops, most });
+        }
         let plan = Multifrontal::new(&analysis.blocks, &analysis.permuted);
         let nan = T::real(f64::NAN);
-        let out_of_memory = |_| SparseError::OutOfMemory { unknowns: pattern.n() };
+        let out_of_memory = |_| SparseError::out_of_memory(pattern.n());
         let mut factor = Vec::new();
         factor.try_reserve_exact(plan.stored()).map_err(out_of_memory)?;
         factor.resize(plan.stored(), nan);
@@ -104,7 +117,7 @@ impl<T: Scalar> Cholesky<T> {
 
     /// Multiplications of the factorization, `Σⱼ cⱼ²` over the `cⱼ` entries of each column of `L`.
     pub fn flops(&self) -> f64 {
-        self.analysis.counts.iter().map(|&c| f64::from(c) * f64::from(c)).sum()
+        self.analysis.flops()
     }
 
     /// The elimination order: given or found, up to exchanges that leave the factor alone.

@@ -1,5 +1,6 @@
 //! What a sparse solve can refuse.
 
+use crate::limits::{Resource, Shortage};
 use crate::run::Stopped;
 
 /// A connected part of the graph whose edges are the non-zero entries of a matrix.
@@ -76,6 +77,19 @@ pub enum SparseError {
     OutOfMemory {
         /// Number of unknowns.
         unknowns: usize,
+        /// What there is too little of.
+        source: Shortage,
+    },
+    /// Input: a factorization beyond what its caller allows.
+    #[error(
+        "the factorization would take {flops:.0e} multiplications (at most {most:.0e} for a system of this size): too many unknowns depend on \
+         one another, as where hundreds of triangles meet at single vertices; remesh, or solve a smaller part"
+    )]
+    TooDense {
+        /// Multiplications that it takes, or a lower bound.
+        flops: f64,
+        /// Multiplications allowed.
+        most: f64,
     },
     /// Input: an entry beyond the shape of its matrix.
     #[error("entry ({row}, {col}) is outside the {rows}×{columns} matrix (numbered from 0)")]
@@ -149,6 +163,11 @@ pub enum SparseError {
 }
 
 impl SparseError {
+    /// Too little memory for a factor.
+    pub(crate) fn out_of_memory(unknowns: usize) -> Self {
+        Self::OutOfMemory { unknowns, source: Shortage(Resource::Memory) }
+    }
+
     /// The same fault of a system from which row `row` was taken away.
     pub(crate) fn subtracting(self, row: usize) -> Self {
         match self {
@@ -165,5 +184,18 @@ impl SparseError {
             component.unknowns.iter_mut().for_each(|k| *k = old[*k] as usize);
         }
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_little_memory_is_known_by_its_type_and_not_by_its_words() {
+        let factor = SparseError::out_of_memory(7);
+        assert_eq!(Shortage::of(&factor), Some(Shortage(Resource::Memory)));
+        assert_eq!(Shortage::in_text(&factor.to_string()), None);
+        assert_eq!(Shortage::of(&SparseError::Pivot { unknown: 7 }), None);
     }
 }

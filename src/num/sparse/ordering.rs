@@ -116,7 +116,7 @@ impl Ordering {
 
 fn minimum_degree(pattern: &Pattern) -> Result<Permutation, SparseError> {
     let n = pattern.n();
-    let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
+    let out_of_memory = || SparseError::out_of_memory(n);
     let symbolic = SymbolicSparseColMatRef::new_checked(n, n, pattern.column_starts(), None, pattern.rows());
     let (mut forward, mut inverse) = (vec![0_u32; n], vec![0_u32; n]);
     let scratch = amd::order_scratch::<u32>(n, pattern.nnz());
@@ -129,7 +129,7 @@ fn minimum_degree(pattern: &Pattern) -> Result<Permutation, SparseError> {
 /// An order of the columns of any matrix whose `AᵀA` fills little, found without forming that product (COLAMD).
 pub(super) fn column_degree(a: &GeneralMatrix) -> Result<Permutation, SparseError> {
     let (m, n) = (a.rows(), a.columns());
-    let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
+    let out_of_memory = || SparseError::out_of_memory(n);
     let (starts, rows, _) = a.parts();
     let symbolic = SymbolicSparseColMatRef::new_checked(m, n, starts, None, rows);
     let (mut forward, mut inverse) = (vec![0_u32; n], vec![0_u32; n]);
@@ -151,7 +151,7 @@ fn graph_dissection(pattern: &Pattern) -> Result<Permutation, SparseError> {
     }
     let start: Vec<i32> = adjacency.starts().iter().map(|&start| start as i32).collect();
     let neighbors: Vec<i32> = adjacency.items().iter().map(|&neighbor| neighbor as i32).collect();
-    let out_of_memory = || SparseError::OutOfMemory { unknowns: n };
+    let out_of_memory = || SparseError::out_of_memory(n);
     let graph = feral_metis::CscPattern::new(n, &start, &neighbors).ok_or_else(out_of_memory)?;
     let order = feral_metis::metis_order(&graph).map_err(|_| out_of_memory())?;
     Permutation::new(order.into_iter().map(|v| v as u32).collect()).ok_or_else(out_of_memory)

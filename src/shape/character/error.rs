@@ -33,7 +33,7 @@ pub enum CharacterError {
     Option(#[from] OptionError),
     /// Numerics: a linear system could not be solved.
     #[error("the equations of the surface could not be solved ({0}); repair or remesh it")]
-    Solve(SparseError),
+    Solve(#[source] SparseError),
     /// A surface solver failed.
     #[error(transparent)]
     Surface(SurfaceError),

@@ -104,7 +104,7 @@ pub enum MorphError {
     Mesh(MeshError),
     /// Numerics: a system that cannot be factored.
     #[error("the linear system of the surface cannot be solved: {0}")]
-    Numerics(SparseError),
+    Numerics(#[source] SparseError),
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),

@@ -3,6 +3,7 @@
 use crate::path::PathError;
 use crate::track::{StoreError, TrackError};
 use plumbline_image::feature::FeatureError;
+use plumbline_image::warp::WarpError;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
@@ -18,7 +19,7 @@ pub enum StabilizeError {
     Input(String),
     /// The input is at fault: the source of frames failed.
     #[error("{0}")]
-    Frames(Box<dyn std::error::Error + Send + Sync>),
+    Frames(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The input is at fault: a path file is aligned by the cameras of the clip, and these were not recovered.
     #[error("a path file needs the recovered cameras of the clip, and its tracks: set `motion.cameras`")]
     PathFileWithoutCameras,
@@ -31,7 +32,8 @@ pub enum StabilizeError {
         /// The frame, from 0.
         frame: usize,
         /// Why.
-        reason: String,
+        #[source]
+        reason: WarpError,
     },
     /// The call was stopped from outside, or its time is up.
     #[error(transparent)]

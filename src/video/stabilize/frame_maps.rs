@@ -126,7 +126,7 @@ impl<'a> FrameMaps<'a> {
             ForwardMap::Plane(camera) => WarpField::from_forward_homography(&camera),
             ForwardMap::Mesh(mesh) => WarpField::from_forward_mesh(&mesh, self.grid.width, self.grid.height),
         };
-        field.map_err(|e| StabilizeError::Warp { frame: index, reason: e.to_string() })
+        field.map_err(|e| StabilizeError::Warp { frame: index, reason: e })
     }
 
     /// The map of the next frame; without its picture, all parts of it have the same saliency.
@@ -151,7 +151,7 @@ impl<'a> FrameMaps<'a> {
         }
         let mut solve = || {
             let solved = self.solver.solve(frame, &camera, &anchors, strengths);
-            solved.map_err(|e| StabilizeError::Warp { frame: index, reason: e.to_string() })
+            solved.map_err(|e| StabilizeError::Warp { frame: index, reason: e })
         };
         let mut mesh = match rotated {
             Some(rotated) if rotation >= 1.0 => rotated,

@@ -150,6 +150,25 @@ fn a_batch_survives_calls_that_fail() {
 }
 
 #[test]
+fn each_of_the_first_threads_of_a_clip_may_be_refused() {
+    // Where a thread of the shared pool was refused, a second attempt was told that there is a pool, and its first use panicked.
+    let Some(place) = workshop() else { return };
+    let (job, library) = (WritingJob::named("clip"), shim(place.path()));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    // Those that probe the limits come first, then two pools; with two processors the shared pool has numbers 20 and 21.
+    for number in 1..=(4 * threads + 16).min(60) {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        make_inputs(folder.path());
+        let inputs = contents(folder.path());
+        let value = format!("thread:{number}:{}", libc::EAGAIN);
+        let ran = run(job, &library, folder.path(), "PLUMBLINE_FAULT", &value);
+        let what = format!("{value}: {}: {}", ran.status, err(&ran));
+        assert!(matches!(ran.status.code(), Some(0 | 75)), "{what}");
+        assert!(ran.status.success() || contents(folder.path()) == inputs, "{what}: something was left");
+    }
+}
+
+#[test]
 fn numbers_reach_from_the_first_call_to_the_last() {
     assert_eq!(numbers(1000, 4), [1, 10, 100, 1000]);
     assert_eq!(numbers(2, 5), [1, 2]);

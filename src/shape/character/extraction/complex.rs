@@ -7,7 +7,11 @@
 //! # Reference
 //! T. K. Dey, H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, Publ. Inst. Math. 66 (1999).
 
+use std::collections::HashSet;
+
 use nalgebra::{Point3, Vector3};
+
+use super::budget::Budget;
 
 /// Missing vertex or triangle.
 pub(super) const NONE: u32 = u32::MAX;
@@ -27,6 +31,8 @@ pub(super) struct Complex {
     alive: usize,
     /// Collapses so far, in order.
     pub(super) collapses: Vec<Collapse>,
+    /// Work left.
+    pub(super) budget: Budget,
 }
 
 /// A collapse along an edge of a triangle.
@@ -49,6 +55,7 @@ impl Complex {
             }
         }
         let mut this = Self {
+            budget: Budget::new(triangles.len()),
             positions,
             triangles,
             fans,
@@ -57,10 +64,11 @@ impl Complex {
             alive: n,
             collapses: Vec::new(),
         };
-        let mut neighbors = Vec::new();
+        // Each triangle at an edge names its far end once: counted at all edges of a vertex together, a hub takes no square of its edges.
+        let mut ends = Vec::new();
         for v in 0..n as u32 {
-            this.neighbors(v, &mut neighbors);
-            this.boundary[v as usize] = neighbors.iter().any(|u| this.edge_triangles(v, *u).count() == 1);
+            this.edge_ends(v, &mut ends);
+            this.boundary[v as usize] = ends.chunk_by(|a, b| a == b).any(|triangles| triangles.len() == 1);
         }
         this
     }
@@ -99,6 +107,13 @@ impl Complex {
 
     /// Neighbors of a vertex, ascending.
     pub(super) fn neighbors(&self, v: u32, into: &mut Vec<u32>) {
+        self.edge_ends(v, into);
+        into.dedup();
+    }
+
+    /// Neighbors of a vertex, ascending, each as often as triangles are at the edge.
+    fn edge_ends(&self, v: u32, into: &mut Vec<u32>) {
+        self.budget.visit(self.fans[v as usize].len());
         into.clear();
         for [a, b, c] in self.fan(v) {
             into.extend(if a == v {
@@ -110,7 +125,6 @@ impl Complex {
             });
         }
         into.sort_unstable();
-        into.dedup();
     }
 
     fn edge_triangles(&self, a: u32, b: u32) -> impl Iterator<Item = u32> + '_ {
@@ -118,20 +132,48 @@ impl Complex {
     }
 
     /// Whether collapsing an edge preserves the topology.
-    pub(super) fn link_condition(&self, i: u32, j: u32, scratch: &mut [Vec<u32>; 2]) -> bool {
-        let [of_i, of_j] = scratch;
-        self.neighbors(i, of_i);
-        self.neighbors(j, of_j);
-        let opposite = self.edge_triangles(i, j).count();
-        let shared = of_i.iter().filter(|v| of_j.binary_search(v).is_ok()).count();
+    pub(super) fn link_condition(&self, i: u32, j: u32, around: &mut Vec<u32>) -> bool {
+        // Everything is counted at the vertex with fewer triangles: the other may be a hub.
+        let (slim, other) = if self.valence(i) <= self.valence(j) { (i, j) } else { (j, i) };
+        self.neighbors(slim, around);
+        let opposite = self.edge_triangles(slim, other).count();
+        let shared = around.iter().filter(|v| self.are_adjacent(**v, other)).count();
         if opposite == 0 || shared != opposite {
             return false;
         }
         if self.boundary[i as usize] && self.boundary[j as usize] && opposite != 1 {
             return false;
         }
-        // A tetrahedron or an isolated triangle would fold onto itself.
-        of_i.len().min(of_j.len()) > if opposite == 1 { 2 } else { 3 } || (opposite == 2 && of_i.len() + of_j.len() > 6)
+        // A tetrahedron or an isolated triangle would fold onto itself. Both bounds need the neighbors of the other only up to six.
+        let (one, two) = (around.len(), self.neighbors_up_to_six(other));
+        one.min(two) > if opposite == 1 { 2 } else { 3 } || (opposite == 2 && one + two > 6)
+    }
+
+    /// Number of triangles at a vertex.
+    pub(super) fn valence(&self, v: u32) -> usize {
+        self.fans[v as usize].len()
+    }
+
+    fn are_adjacent(&self, a: u32, b: u32) -> bool {
+        let (slim, other) = if self.valence(a) <= self.valence(b) { (a, b) } else { (b, a) };
+        self.budget.visit(self.valence(slim));
+        a != b && self.edge_triangles(slim, other).next().is_some()
+    }
+
+    /// Number of neighbors of a vertex, six where there are more.
+    fn neighbors_up_to_six(&self, v: u32) -> usize {
+        let mut found = [NONE; 6];
+        let mut count = 0;
+        for u in self.fan(v).flatten().filter(|u| *u != v) {
+            if count < found.len() && !found[..count].contains(&u) {
+                found[count] = u;
+                count += 1;
+            }
+            if count == found.len() {
+                break;
+            }
+        }
+        count
     }
 
     /// Twice the area vector of a triangle with `v` moved to `position`.
@@ -143,6 +185,7 @@ impl Complex {
     /// Whether moving `i` onto `j` rotates the normal of a remaining triangle by more than about 80° (cosine 0.2).
     pub(super) fn would_fold(&self, i: u32, j: u32) -> bool {
         let position = self.positions[j as usize];
+        self.budget.visit(self.valence(i));
         self.fan(i).filter(|t| !t.contains(&j)).any(|t| {
             let (before, after) =
                 (self.normal_with(t, i, &self.positions[i as usize]), self.normal_with(t, i, &position));
@@ -152,21 +195,20 @@ impl Complex {
 
     /// Merges `i` into `j`, whose position is kept.
     pub(super) fn collapse(&mut self, i: u32, j: u32) {
-        self.merge(i, j, |_, _| false);
+        self.merge(i, j, |_| false);
     }
 
     /// As [`Self::collapse`]; a triangle that would have the corners of another vanishes.
     pub(super) fn collapse_without_doubles(&mut self, i: u32, j: u32) {
-        let sorted = |mut corners: [u32; 3]| {
-            corners.sort_unstable();
-            corners
-        };
-        self.merge(i, j, |this, moved| this.fan(j).any(|other| sorted(other) == sorted(moved)));
+        self.budget.visit(self.valence(j));
+        let mut there: HashSet<[u32; 3]> = self.fan(j).map(sorted).collect();
+        self.merge(i, j, |moved| !there.insert(sorted(moved)));
     }
 
     /// Merges `i` into `j`; of the triangles without `j` those that are `dropped` after the move vanish.
-    fn merge(&mut self, i: u32, j: u32, dropped: impl Fn(&Self, [u32; 3]) -> bool) {
+    fn merge(&mut self, i: u32, j: u32, mut dropped: impl FnMut([u32; 3]) -> bool) {
         let corner = |corners: [u32; 3], v: u32| corners.iter().position(|c| *c == v).map(|k| k as u8);
+        let mut losing = Vec::new();
         for t in std::mem::take(&mut self.fans[i as usize]) {
             let corners = self.triangles[t as usize];
             let moved = corners.map(|v| if v == i { j } else { v });
@@ -175,15 +217,19 @@ impl Complex {
             {
                 self.collapses.push(Collapse { gone: i, kept: j, triangle: t, corners: [from, to] });
             }
-            if corners.contains(&j) || dropped(self, moved) {
-                for v in corners.into_iter().filter(|v| *v != i) {
-                    self.fans[v as usize].retain(|u| *u != t);
-                }
+            if corners.contains(&j) || dropped(moved) {
+                losing.extend(corners.into_iter().filter(|v| *v != i));
                 self.triangles[t as usize] = [NONE; 3];
             } else {
                 self.triangles[t as usize] = moved;
                 self.fans[j as usize].push(t);
             }
+        }
+        losing.sort_unstable();
+        losing.dedup();
+        for v in losing {
+            self.budget.visit(self.fans[v as usize].len());
+            self.fans[v as usize].retain(|t| self.triangles[*t as usize][0] != NONE);
         }
         self.into[i as usize] = j;
         self.boundary[j as usize] |= self.boundary[i as usize];
@@ -193,5 +239,52 @@ impl Complex {
     /// Total area.
     pub(super) fn area(&self) -> f64 {
         self.faces().map(|t| 0.5 * self.normal_with(t, NONE, &Point3::origin()).norm()).sum()
+    }
+}
+
+fn sorted(mut corners: [u32; 3]) -> [u32; 3] {
+    corners.sort_unstable();
+    corners
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Triangles around one vertex: a disk whose rim is `n` vertices.
+    fn fan(n: u32) -> Complex {
+        let rim = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(n);
+        let rim = (0..n).map(|k| Point3::new(rim(k).cos(), rim(k).sin(), 0.0));
+        let positions = std::iter::once(Point3::origin()).chain(rim).collect();
+        Complex::new(positions, (0..n).map(|k| [0, 1 + k, 1 + (k + 1) % n]).collect())
+    }
+
+    /// Units of work of the link condition at every edge of the rim.
+    fn work_at_rim(n: u32) -> u64 {
+        let complex = fan(n);
+        let before = complex.budget.left();
+        let mut around = Vec::new();
+        assert!((1..n).all(|k| complex.link_condition(k, k + 1, &mut around)));
+        before - complex.budget.left()
+    }
+
+    #[test]
+    fn the_work_at_a_hub_is_proportional_to_its_triangles() {
+        assert!(work_at_rim(4000) <= 2 * work_at_rim(2000) + 100, "{} {}", work_at_rim(4000), work_at_rim(2000));
+        let complex = fan(500);
+        assert!(
+            !complex.boundary[0] && complex.boundary[1..].iter().all(|on| *on),
+            "the rim is the boundary, the hub is inside"
+        );
+    }
+
+    #[test]
+    fn of_two_triangles_that_become_one_a_single_one_is_left() {
+        // Two triangles over the edge 1–2, whose apexes 0 and 3 are joined by a third one.
+        let positions = (0..5).map(|k| Point3::new(f64::from(k), f64::from(k * k), 0.0)).collect();
+        let mut complex = Complex::new(positions, vec![[0, 1, 2], [3, 2, 1], [0, 3, 4]]);
+        complex.collapse_without_doubles(0, 3);
+        assert_eq!(complex.faces().collect::<Vec<_>>(), [[3, 2, 1]]);
+        assert_eq!([1, 2, 3, 4].map(|v| complex.valence(v)), [1, 1, 1, 0]);
     }
 }

@@ -31,6 +31,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::ExtractionOptions;
+use super::budget::Budget;
 use super::complex::Complex;
 use super::medial::Ball;
 use super::normal_equations::NormalEquations;
@@ -81,8 +82,9 @@ pub(super) struct Contraction<'o> {
 }
 
 impl<'o> Contraction<'o> {
-    pub(super) fn new(complex: Complex, balls: &[Ball], pinned: Vec<bool>, options: &'o ExtractionOptions) -> Self {
+    pub(super) fn new(mut complex: Complex, balls: &[Ball], pinned: Vec<bool>, options: &'o ExtractionOptions) -> Self {
         let area = complex.area();
+        complex.budget = Budget::new(complex.triangles.len());
         let centers = balls.iter().map(|b| b.center).collect();
         let radii = balls.iter().map(|b| b.radius).collect();
         let mass = ring_areas(&complex);
@@ -110,7 +112,10 @@ impl<'o> Contraction<'o> {
     fn solve(&mut self, run: &Run) -> Result<(), CharacterError> {
         let mut system = match self.system.take() {
             Some(system) => system,
-            None => NormalEquations::analyze(&self.complex)?,
+            None => match NormalEquations::analyze(&self.complex, MAX_MULTIPLICATIONS)? {
+                Some(system) => system,
+                None => return Ok(()),
+            },
         };
         if system.multiplications() > MAX_MULTIPLICATIONS {
             self.system = Some(system);
@@ -189,12 +194,16 @@ impl<'o> Contraction<'o> {
 
     /// Collapses short edges, the shortest first; whether there was one.
     fn collapse_short(&mut self, run: &Run) -> Result<bool, Stopped> {
-        let mut scratch = [Vec::new(), Vec::new()];
+        let mut scratch = Vec::new();
         let mut any = false;
         loop {
             let mut progress = false;
+            self.complex.budget.visit(self.complex.triangles.len());
             for (_, a, b) in self.short_edges() {
                 run.check()?;
+                if self.complex.budget.is_spent() {
+                    return Ok(any | progress);
+                }
                 let alive = self.complex.is_alive(a) && self.complex.is_alive(b);
                 if !alive
                     || self.length(a, b) > self.short(a, b)
@@ -283,7 +292,7 @@ mod tests {
         let mut pinned = vec![false; ball.vertex_count()];
         pinned[9] = true;
         let contraction = Contraction::new(complex, &balls, pinned, &options);
-        let system = NormalEquations::analyze(&contraction.complex).unwrap();
+        let system = NormalEquations::analyze(&contraction.complex, MAX_MULTIPLICATIONS).unwrap().unwrap();
         let halved: Vec<_> = ball.positions().iter().map(|p| Point3::from(p.coords * 0.5)).collect();
         let mut moved = halved.clone();
         for far in [5, 9] {

@@ -34,6 +34,7 @@
 mod aabb;
 mod axis;
 mod bends;
+mod budget;
 mod caps;
 mod centering;
 mod complex;

@@ -44,18 +44,24 @@ struct Rings {
 }
 
 impl NormalEquations {
-    /// Symbolic analysis for the current connectivity.
-    pub(super) fn analyze(complex: &Complex) -> Result<Self, CharacterError> {
+    /// Symbolic analysis for the current connectivity; `None` if the factorization would take more than `most` multiplications whatever the
+    /// order of elimination.
+    ///
+    /// With `cᵢ` the entries of column `i` of the factor, it takes `Σ cᵢ² ≥ (Σ cᵢ)² / n`, and `Σ cᵢ` is at least the number of entries of the
+    /// matrix: dense systems are refused before their entries take gigabytes.
+    pub(super) fn analyze(complex: &Complex, most: f64) -> Result<Option<Self>, CharacterError> {
         let vertices: Vec<u32> = complex.vertices().collect();
         let mut number = vec![NONE; complex.positions.len()];
         vertices.iter().zip(0..).for_each(|(v, i)| number[*v as usize] = i);
         let rings = Rings::of(complex, &vertices, &number);
-        let pattern = Arc::new(Pattern::new(vertices.len(), rings.pairs())?);
+        let entries = (most * vertices.len() as f64).sqrt() as usize;
+        let Some(pairs) = rings.pairs(entries) else { return Ok(None) };
+        let pattern = Arc::new(Pattern::new(vertices.len(), pairs)?);
         let at = |v: &u32| complex.positions[*v as usize].coords.into();
         let ordering = Ordering::NestedDissection(vertices.iter().map(at).collect());
         let mut factor = Cholesky::analyze(&pattern, &ordering)?;
         factor.reserve_columns(3);
-        Ok(Self { vertices, number, rings, matrix: SparseMatrix::zeros(pattern), factor })
+        Ok(Some(Self { vertices, number, rings, matrix: SparseMatrix::zeros(pattern), factor }))
     }
 
     /// Numeric values for the current positions, with `W` and `D` given by their diagonals; edge weights are clamped to be non-negative.
@@ -154,8 +160,9 @@ impl Rings {
         self.starts[i + 1] - self.starts[i] > MAX_VALENCE
     }
 
-    /// Pairs of distinct unknowns within two edges, each once; two edges that meet at a hub do not count.
-    fn pairs(&self) -> Vec<(usize, usize)> {
+    /// Pairs of distinct unknowns within two edges, each once; two edges that meet at a hub do not count. `None` if there are more
+    /// than `most`.
+    fn pairs(&self, most: usize) -> Option<Vec<(usize, usize)>> {
         let n = self.starts.len() - 1;
         let mut pairs = Vec::with_capacity(10 * n);
         let mut seen_from = vec![usize::MAX; n];
@@ -169,8 +176,11 @@ impl Rings {
                     }
                 }
             }
+            if pairs.len() > most {
+                return None;
+            }
         }
-        pairs
+        Some(pairs)
     }
 
     /// Computes the edge weights.
@@ -234,7 +244,7 @@ mod tests {
             l.row_mut(i).scale_mut(w[i]);
         }
         let wanted = l.transpose() * &l + DMatrix::from_diagonal(&d.clone().into());
-        let mut system = NormalEquations::analyze(&complex).unwrap();
+        let mut system = NormalEquations::analyze(&complex, f64::INFINITY).unwrap().unwrap();
         // Values of the previous matrix leave no trace.
         system.set(&complex, &d, &w);
         system.set(&complex, &w, &d);
@@ -253,5 +263,16 @@ mod tests {
             .collect::<Vec<f64>>();
         assert!(system.solve_in_place(&mut rhs, &x, &Run::default()).unwrap());
         assert!(rhs.iter().zip(&x).all(|(found, x)| (found - x).abs() < 1e-10));
+    }
+
+    #[test]
+    fn dense_systems_are_refused_before_their_entries_are_listed() {
+        let n = 60;
+        let point = |k: u32| Point3::new(f64::from(k).sin(), f64::from(k).cos(), f64::from(k));
+        let all = (0..n).flat_map(|a| (0..a).map(move |b| [a, b, (b + 1) % n])).filter(|[a, _, c]| a != c);
+        let complex = Complex::new((0..n).map(point).collect(), all.collect());
+        // A dense factor of 60 columns takes 60³/3 multiplications.
+        assert!(NormalEquations::analyze(&complex, 1e5).unwrap().is_some_and(|s| s.multiplications() <= 1e5));
+        assert!(NormalEquations::analyze(&complex, 2e4).unwrap().is_none());
     }
 }

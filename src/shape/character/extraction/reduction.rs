@@ -14,7 +14,8 @@ use plumbline_num::run::{Run, Stopped};
 /// Smallest number of queued edges at which outdated ones are removed: a hub queues all of its edges at every collapse.
 const MIN_CROWDED: usize = 1 << 20;
 
-/// Collapses edges shorter than `size` at either end, and further ones until at most `most` vertices remain, if possible.
+/// Collapses edges shorter than `size` at either end, and further ones until at most `most` vertices remain, if possible within the
+/// budget of the complex.
 pub(super) fn reduce(
     complex: &mut Complex,
     most: usize,
@@ -27,7 +28,7 @@ pub(super) fn reduce(
     let length = |c: &Complex, a: u32, b: u32| {
         Cost::new(nalgebra::distance(&c.positions[a as usize], &c.positions[b as usize]) / size(a).min(size(b)))
     };
-    let (mut neighbors, mut scratch) = (Vec::new(), [Vec::new(), Vec::new()]);
+    let (mut neighbors, mut scratch) = (Vec::new(), Vec::new());
     for a in complex.vertices() {
         run.check()?;
         complex.neighbors(a, &mut neighbors);
@@ -36,7 +37,7 @@ pub(super) fn reduce(
     let mut crowded = heap.len().max(MIN_CROWDED);
     while let Some(Reverse((cost, a, b, at_a, at_b))) = heap.pop() {
         run.check()?;
-        if cost >= Cost::new(1.0) && complex.alive_count() <= most {
+        if complex.budget.is_spent() || (cost >= Cost::new(1.0) && complex.alive_count() <= most) {
             return Ok(());
         }
         if version[a as usize] != at_a || version[b as usize] != at_b || !complex.is_alive(a) || !complex.is_alive(b) {
@@ -54,6 +55,7 @@ pub(super) fn reduce(
         complex.collapse(gone, kept);
         version[kept as usize] += 1;
         complex.neighbors(kept, &mut neighbors);
+        complex.budget.queue(neighbors.len());
         for &u in &neighbors {
             let (a, b) = (kept.min(u), kept.max(u));
             heap.push(Reverse((length(complex, a, b), a, b, version[a as usize], version[b as usize])));
@@ -70,6 +72,7 @@ pub(super) fn reduce(
 
 #[cfg(test)]
 mod tests {
+    use super::super::budget::Budget;
     use super::*;
     use crate::mesh::shapes;
 
@@ -102,5 +105,21 @@ mod tests {
         assert_eq!(untouched.alive_count(), ball.vertex_count());
         reduce(&mut untouched, 300, &kept, &|_| 1e-3, &Run::default()).expect("a run that never stops");
         assert_eq!(untouched.alive_count(), 300);
+    }
+
+    #[test]
+    fn reduction_ends_where_its_budget_is_used_up() {
+        let ball = shapes::icosphere(4);
+        let kept = vec![false; ball.vertex_count()];
+        let reduced = |units: u64| {
+            let mut complex = Complex::new(ball.positions().to_vec(), ball.triangles().to_vec());
+            complex.budget = Budget::of(units);
+            reduce(&mut complex, 300, &kept, &|_| 1e-3, &Run::default()).expect("a run that never stops");
+            complex.alive_count()
+        };
+        assert_eq!(reduced(u64::MAX), 300);
+        let some = reduced(200_000);
+        assert!(some > 300 && some < ball.vertex_count(), "{some}");
+        assert_eq!(reduced(0), ball.vertex_count());
     }
 }

@@ -22,10 +22,12 @@ use std::collections::{BinaryHeap, HashMap, HashSet, VecDeque};
 
 use nalgebra::{Matrix4, Vector4};
 
+use super::budget::Budget;
 use super::complex::{Complex, NONE};
 use super::curve_graph::CurveGraph;
 use super::homology::{Classes, ZERO};
 use super::order::Cost;
+use crate::character::CharacterError;
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::UnionFind;
 
@@ -56,6 +58,8 @@ struct Surgery<'c> {
     complex: Complex,
     spokes: Vec<Vec<Spoke>>,
     quadrics: Vec<Matrix4<f64>>,
+    /// Sum of the lengths of the edges at each vertex; `None` where its edges have changed.
+    around: Vec<Option<f64>>,
     version: Vec<u32>,
     pinned: &'c [bool],
     classes: &'c mut Classes,
@@ -67,12 +71,26 @@ struct Surgery<'c> {
 }
 
 /// The curve that is left if all triangles of a complex collapse.
+///
+/// # Errors
+/// [`CharacterError::Input`] where too many triangles meet at single vertices: the budget of the collapses is used up before none is left.
 pub(super) fn collapse_to_curve(
+    mut complex: Complex,
+    pinned: &[bool],
+    classes: &mut Classes,
+    run: &Run,
+) -> Result<CurveGraph, CharacterError> {
+    complex.budget = Budget::new(complex.faces().count());
+    collapse_within(complex, pinned, classes, run)
+}
+
+/// [`collapse_to_curve`] within the budget of the complex.
+fn collapse_within(
     complex: Complex,
     pinned: &[bool],
     classes: &mut Classes,
     run: &Run,
-) -> Result<CurveGraph, Stopped> {
+) -> Result<CurveGraph, CharacterError> {
     let alive: Vec<u32> = complex.vertices().collect();
     let mut surgery = Surgery::new(complex, pinned, classes);
     for v in alive {
@@ -81,6 +99,13 @@ pub(super) fn collapse_to_curve(
     surgery.run(run)?;
     surgery.close_trivial_loops(run)?;
     Ok(surgery.graph())
+}
+
+fn entangled(left: usize) -> CharacterError {
+    CharacterError::Input(format!(
+        "a component cannot be collapsed to a curve: after the work of its size {left} triangles are left, of which too many meet at single \
+         vertices; remesh it, or leave it out"
+    ))
 }
 
 impl<'c> Surgery<'c> {
@@ -101,6 +126,7 @@ impl<'c> Surgery<'c> {
             complex,
             spokes,
             quadrics: vec![Matrix4::zeros(); n],
+            around: vec![None; n],
             version: vec![0; n],
             pinned,
             classes,
@@ -126,8 +152,15 @@ impl<'c> Surgery<'c> {
     }
 
     /// Sum of the lengths of the edges at a vertex.
-    fn around(&self, i: u32) -> f64 {
-        self.spokes[i as usize].iter().map(|s| self.length(i, s.to)).sum()
+    fn around(&mut self, i: u32) -> f64 {
+        if let Some(known) = self.around[i as usize] {
+            return known;
+        }
+        let spokes = &self.spokes[i as usize];
+        self.complex.budget.visit(spokes.len());
+        let sum = spokes.iter().map(|s| self.length(i, s.to)).sum();
+        self.around[i as usize] = Some(sum);
+        sum
     }
 
     /// Cost of the collapse of `i` into `j`, with the sum of the lengths of the edges at `i`.
@@ -145,6 +178,7 @@ impl<'c> Surgery<'c> {
     /// Pushes all collapses of edges at `v`.
     fn offer(&mut self, v: u32) {
         let around = self.around(v);
+        self.complex.budget.queue(2 * self.spokes[v as usize].len());
         for k in 0..self.spokes[v as usize].len() {
             let u = self.spokes[v as usize][k].to;
             for (i, j) in [(v, u), (u, v)] {
@@ -165,9 +199,12 @@ impl<'c> Surgery<'c> {
         }
     }
 
-    fn run(&mut self, run: &Run) -> Result<(), Stopped> {
+    fn run(&mut self, run: &Run) -> Result<(), CharacterError> {
         while let Some(Reverse((_, i, j, at_i, at_j))) = self.heap.pop() {
             run.check()?;
+            if self.complex.budget.is_spent() {
+                return Err(entangled(self.complex.faces().count()));
+            }
             if self.version[i as usize] == at_i
                 && self.version[j as usize] == at_j
                 && self.has_face(i, j)
@@ -180,6 +217,7 @@ impl<'c> Surgery<'c> {
     }
 
     fn has_face(&self, i: u32, j: u32) -> bool {
+        self.complex.budget.visit(self.complex.valence(i));
         self.complex.fan(i).any(|t| t.contains(&j))
     }
 
@@ -190,10 +228,13 @@ impl<'c> Surgery<'c> {
     /// Whether each triangle of edges that would close bounds inside the shape.
     fn keeps_holes(&mut self, i: u32, j: u32) -> bool {
         let Some(across) = self.spoke(i, j) else { return false };
+        let [of_i, of_j] = [i, j].map(|v| self.spokes[v as usize].len());
+        self.complex.budget.visit(of_j);
         if self.classes.is_trivial() {
             return true;
         }
-        for k in 0..self.spokes[i as usize].len() {
+        self.complex.budget.visit(of_i * of_j);
+        for k in 0..of_i {
             let s = self.spokes[i as usize][k];
             if let Some(other) = self.spoke(j, s.to).filter(|_| s.to != j) {
                 let there = self.classes.sum(across.class, other.class);
@@ -208,8 +249,12 @@ impl<'c> Surgery<'c> {
     fn collapse(&mut self, i: u32, j: u32) {
         self.complex.collapse_without_doubles(i, j);
         let back = self.spoke(j, i).expect("edges are known at both ends").class;
-        for s in std::mem::take(&mut self.spokes[i as usize]) {
+        let spokes = std::mem::take(&mut self.spokes[i as usize]);
+        self.complex.budget.visit(spokes.len() * self.spokes[j as usize].len());
+        for s in spokes {
             let k = s.to as usize;
+            self.around[k] = None;
+            self.complex.budget.visit(self.spokes[k].len());
             self.spokes[k].retain(|s| s.to != i);
             if s.to != j && self.spoke(j, s.to).is_none() {
                 let class = self.classes.sum(back, s.class);
@@ -335,5 +380,25 @@ impl<'c> Surgery<'c> {
         let edges: Vec<[u32; 2]> = spokes.filter(|(v, u)| v < u).map(|(v, u)| [number[v], number[u]]).collect();
         let node_of_vertex = roots.iter().map(|v| number[*v as usize]).collect();
         CurveGraph::new(nodes, &edges, node_of_vertex)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn a_component_whose_budget_is_used_up_is_refused_with_a_remedy() {
+        let ball = shapes::icosphere(2);
+        let collapsed = |units: u64| {
+            let mut complex = Complex::new(ball.positions().to_vec(), ball.triangles().to_vec());
+            complex.budget = Budget::of(units);
+            let pinned = vec![false; ball.vertex_count()];
+            collapse_within(complex, &pinned, &mut Classes::default(), &Run::default())
+        };
+        assert!(collapsed(u64::MAX).expect("a ball").alive().count() < 10);
+        let refused = collapsed(10_000).expect_err("a fraction of the work").to_string();
+        assert!(refused.contains("triangles are left") && refused.contains("remesh it"), "{refused}");
     }
 }

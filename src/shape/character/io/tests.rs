@@ -71,6 +71,18 @@ fn bvh_round_trips_the_skeleton_and_its_clip() {
 }
 
 #[test]
+fn bvh_round_trips_names_that_end_in_a_brace() {
+    for name in ["{", "a {", "a{", "{ {", "} b"] {
+        let mut joints = parse_skel("2\n0 0 0 a root\n1 0 0 b a\n").expect("two joints").joints().to_vec();
+        name.clone_into(&mut joints[1].name);
+        let skeleton = Skeleton::new(joints).expect("two joints");
+        let (text, _) = bvh_text(&skeleton, None).expect("one root");
+        let read = parse_bvh(&text).unwrap_or_else(|e| panic!("{name}: {e}\n{text}"));
+        assert!(read.skeleton.joints().iter().any(|j| j.name == name), "{name}: {text}");
+    }
+}
+
+#[test]
 fn bvh_reads_any_order_of_channels() {
     let text = "HIERARCHY\nROOT a b\n{\n OFFSET 1 2 3\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n \
                 JOINT c {\n OFFSET 0 1 0\n CHANNELS 3 Yrotation Xrotation Zrotation\n End Site\n {\n OFFSET 0 2 0\n }\n }\n}\n\

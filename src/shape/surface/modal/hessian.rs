@@ -26,6 +26,11 @@ use plumbline_num::spatial::numbered_components;
 /// Eigenvalues of `C_i` below this fraction of the largest are treated as 0: the rotation of a collinear cell about its line.
 const RANK_TOLERANCE: f64 = 1e-12;
 
+/// Blocks of 3 × 3 values that the cells of any surface may have, 150 bytes each; a hub of 2000 triangles has two million.
+const MIN_BLOCKS: usize = 3_000_000;
+/// Blocks per vertex: regular cells of seven vertices have 28.
+const BLOCKS_PER_VERTEX: usize = 100;
+
 /// `B_i` of one cell, by vertex, with `C_i⁺`.
 struct Cell {
     vertices: Vec<u32>,
@@ -37,6 +42,7 @@ struct Cell {
 pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents, run: &Run) -> Result<SparseMatrix, SparseError> {
     let cells = cells(mesh, cotangents);
     run.check()?;
+    check_cells(&cells, mesh.vertex_count())?;
     let mut blocks: Vec<(u32, u32)> = cells.iter().flat_map(|cell| pairs(&cell.vertices)).collect();
     run.check()?;
     blocks.sort_unstable();
@@ -65,6 +71,19 @@ pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents, run: &Run) -> Res
         }
     }
     Ok(h)
+}
+
+/// Refuses cells whose vertices, each with each other, have more blocks than a surface of this size: by the multiplications of
+/// dense factors of the cells, `(3 k)³ / 3` for `k` vertices.
+fn check_cells(cells: &[Cell], vertices: usize) -> Result<(), SparseError> {
+    let size = |cell: &Cell| cell.vertices.len();
+    let blocks: usize = cells.iter().map(|cell| size(cell) * (size(cell) + 1) / 2).sum();
+    if blocks <= MIN_BLOCKS + BLOCKS_PER_VERTEX * vertices {
+        return Ok(());
+    }
+    let most = super::max_multiplications(3 * vertices);
+    let flops: f64 = cells.iter().map(|cell| (3.0 * size(cell) as f64).powi(3) / 3.0).sum();
+    Err(SparseError::TooDense { flops: flops.max(most), most })
 }
 
 /// Pairs `a ≥ b` of a list.

@@ -34,6 +34,17 @@ const SHIFT: f64 = 1e-9;
 /// Minimum vertex area over the mean: that of vertices of degenerate triangles would be 0.
 const MIN_MASS: f64 = 1e-6;
 
+/// Multiplications of a factorization that any surface may take: some ten seconds.
+const MIN_MULTIPLICATIONS: f64 = 1e11;
+/// Multiplications per `n^1.5` for `n` unknowns, the growth of nested dissection on surfaces: they take about 150. Two hundred sheets on
+/// one edge take a hundred times as many, and gigabytes.
+const MULTIPLICATIONS_PER_GROWTH: f64 = 2000.0;
+
+/// Largest number of multiplications of a factorization of `n` unknowns.
+fn max_multiplications(n: usize) -> f64 {
+    MIN_MULTIPLICATIONS + MULTIPLICATIONS_PER_GROWTH * (n as f64).powf(1.5)
+}
+
 /// Options of the modal analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -71,7 +82,7 @@ pub struct Modes {
 ///
 /// # Errors
 /// [`SurfaceError::Option`] for a tolerance out of range, [`SurfaceError::Solve`] where the surface is too large to be
-/// factored, [`SurfaceError::Interrupted`].
+/// factored or so many triangles meet at vertices that the work would be out of proportion to its size, [`SurfaceError::Interrupted`].
 pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) -> Result<Modes, SurfaceError> {
     let tolerance = options.tolerance;
     OptionError::check(tolerance > 0.0 && tolerance < 1.0, "tolerance", tolerance, "above 0 and below 1")?;
@@ -93,7 +104,8 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) ->
     }
     let coordinates = used.positions().iter().flat_map(|p| [p.coords.into(); 3]).collect();
     run.check()?;
-    let mut factor = Cholesky::analyze(h.pattern(), &Ordering::NestedDissection(coordinates))?;
+    let mut factor =
+        Cholesky::analyze_within(h.pattern(), &Ordering::NestedDissection(coordinates), max_multiplications(h.n()))?;
     factor.factor(&shifted, run)?;
     let known = hessian::rigid_motions(&used);
     let mut pencil = ShiftedPencil { matrix: &h, mass: &mass, shift, factor: &mut factor, known: &known };

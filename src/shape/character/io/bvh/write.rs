@@ -133,7 +133,9 @@ impl<'a> File<'a> {
                 continue;
             }
             let kind = if depth == 0 { "ROOT" } else { "JOINT" };
-            let _ = writeln!(text, "{pad}{kind} {name}\n{pad}{{\n{pad}\tOFFSET {x} {y} {z}");
+            // The last brace of the line opens the joint; one that ends the name needs another one after it.
+            let brace = if name.ends_with('{') { " {".to_owned() } else { format!("\n{pad}{{") };
+            let _ = writeln!(text, "{pad}{kind} {name}{brace}\n{pad}\tOFFSET {x} {y} {z}");
             let channels = if self.moved[joint as usize] { "6 Xposition Yposition Zposition" } else { "3" };
             let _ = writeln!(text, "{pad}\tCHANNELS {channels} Zrotation Yrotation Xrotation");
             if children.is_empty() {
