@@ -1,5 +1,5 @@
 // Menus: a button that opens a list of commands, and a bar of them.
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import type { Command } from "../workspace";
 import { enabled, menus } from "./commands";
 import { Icon } from "./components";
@@ -58,7 +58,7 @@ function Menu({ title, items, anchor, close, leave, go }: {
 }) {
   const menu = useRef<HTMLDivElement>(null);
   const entries = () => [...(menu.current?.querySelectorAll<HTMLElement>(".menu-item") ?? [])];
-  useEffect(() => {
+  useLayoutEffect(() => {
     entries()[0]?.focus();
     const outside = (event: PointerEvent) => {
       if (!menu.current?.parentElement?.contains(event.target as globalThis.Node)) leave();
