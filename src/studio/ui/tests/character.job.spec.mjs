@@ -19,7 +19,8 @@ const atRest = async (page) => {
 /** State and history that the program sends to a window that opens now. */
 const snapshot = (page) => page.evaluate(async () => {
   const token = sessionStorage.getItem("plumbline session");
-  const id = JSON.parse(sessionStorage.getItem("plumbline tabs")).active;
+  const { documents } = await (await fetch("/api/state", { headers: { "x-plumbline-session": token } })).json();
+  const id = documents[0].document;
   const socket = new WebSocket(`ws://${location.host}/ws?document=${encodeURIComponent(id)}`, ["plumbline", `token.${token}`]);
   const found = await new Promise((resolve, reject) => {
     const known = {};
@@ -157,8 +158,8 @@ test("a clip is keyed, played and exported", { media: ["humanoid.glb"], open: "h
   await page.keyboard.press("k");
   await until(async () => (await state(page)).tracks.length === 1, "the first key");
   const time = page.getByRole("slider", { name: "Animation: time" });
-  await time.press("PageDown");
-  await time.press("PageDown");
+  await time.press("PageUp");
+  await time.press("PageUp");
   await tree(page).focus();
   for (let i = 0; i < 5; i++) await page.keyboard.press("Alt+Shift+ArrowDown");
   await atRest(page);
