@@ -160,9 +160,11 @@ test("a clip is keyed, played and exported", { media: ["humanoid.glb"], open: "h
   const time = page.getByRole("slider", { name: "Animation: time" });
   await time.press("PageUp");
   await time.press("PageUp");
-  await tree(page).focus();
+  await joint(page, "hand.L").click();
   for (let i = 0; i < 5; i++) await page.keyboard.press("Alt+Shift+ArrowDown");
+  await done(page, "Drag hand.L");
   await atRest(page);
+  await joint(page, "arm.L").click();
   await page.keyboard.press("k");
   const track = await until(async () => (await state(page)).tracks.find(({ times }) => times.length === 2), "the second key");
   assert.ok(Math.abs(track.times[1] - 20 / 30) < 1e-6, `at ${track.times}`);

@@ -1,5 +1,5 @@
 // Buffers of the server into the signals of the page, and what this window looks at to the server.
-import { batch, effect, type Signal } from "@preact/signals";
+import { batch, computed, effect, type Signal } from "@preact/signals";
 import { Frames } from "./frames";
 import { KINDS } from "../../generated/character";
 import type { Page, Shape } from "./page";
@@ -68,8 +68,10 @@ function throttled<T>(send: (value: T) => void): (value: T) => void {
 
 /** What this window looks at. */
 function look(page: Page): (() => void)[] {
+  // Not with every selection: a view of the tab shows the clip again, and a pose that is not yet keyed would be lost.
+  const heated = computed(() => (page.tab.value === "weights" ? page.active?.index ?? null : null));
   const sendTime = throttled((time: number) => page.connection.view({ time }));
-  return [effect(() => page.connection.view({ tab: page.tab.value, joint: page.active?.index ?? null })), effect(() => sendTime(page.playback.time.value)),
+  return [effect(() => page.connection.view({ tab: page.tab.value, joint: heated.value })), effect(() => sendTime(page.playback.time.value)),
     effect(() => {
       const on = page.tab.value === "animate" && page.onion.on.value;
       page.connection.view({ onion: on ? [page.onion.count.value, page.onion.spacing.value / page.playback.frameRate.value] : [0, 0] });
