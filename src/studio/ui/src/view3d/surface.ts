@@ -200,6 +200,8 @@ export class Surface {
     this.material.opacity = opacity;
     this.material.transparent = opacity < 1;
     this.material.depthWrite = opacity >= 0.5;
+    // Onion skins lie behind a surface that is where they are, rather than flicker with it.
+    this.material.polygonOffsetFactor = this.material.polygonOffsetUnits = opacity < 0.5 ? 6 : 1;
     this.material.needsUpdate = true;
     this.invalidate();
   }

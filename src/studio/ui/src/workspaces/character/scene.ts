@@ -20,6 +20,8 @@ export interface Label extends ArcLabel { kind: "arc" | "compare"; note?: string
 const ARC = 0.11;
 
 export class Scene {
+  /** Whether the view has the size that it has beside the panels of the tab "Compare". */
+  private readonly laidOut = signal(false);
   private readonly arcLabels = signal<readonly Label[]>([]);
   private readonly compareLabels = signal<readonly Label[]>([]);
   readonly labels = computed(() => [...this.arcLabels.value, ...this.compareLabels.value]);
@@ -51,6 +53,11 @@ export class Scene {
     follow(() => this.showRings());
     follow(() => this.showTargets());
     follow(() => this.showOnions());
+    follow(() => {
+      this.laidOut.value = false;
+      // Two frames: the page is drawn anew, then the canvas has its new size.
+      if (page.tab.value === "compare") requestAnimationFrame(() => requestAnimationFrame(() => (this.laidOut.value = true)));
+    });
     follow(() => this.showComparison());
     follow(() => this.chooseTool());
     follow(() => view.surface.setWireframe(page.wireframe.value));
@@ -177,7 +184,7 @@ export class Scene {
   private showComparison() {
     const { page } = this;
     const mesh = page.geometry.value;
-    const on = page.tab.value === "compare" && mesh !== null;
+    const on = page.tab.value === "compare" && mesh !== null && this.laidOut.value;
     this.view.surface.setVisible(!on);
     if (!on) {
       this.sides.clear();
