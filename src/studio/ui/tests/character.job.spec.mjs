@@ -1,7 +1,7 @@
 // Whole jobs in the character workspace: skeleton, weights, pose, keys, undo, saving; then `plumbline run` on the saved file writes what
 // the studio showed.
 import assert from "node:assert/strict";
-import { readFileSync, readdirSync } from "node:fs";
+import { readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { audit, inBothThemes, picture, test, until } from "./harness.mjs";
 
@@ -209,4 +209,44 @@ test("the job is done by the keyboard alone", { media: ["humanoid.glb"], open: "
   await atRest(page);
   await savedRunsAsShown(page, server);
   await audit(page, "after the job");
+});
+
+const DOG = `version = 1
+
+[stage.mesh]
+use  = "mesh.load"
+path = "dog.ply"
+
+[stage.skeleton]
+use  = "skeleton.load"
+path = "dog.skeleton.json"
+
+[stage.posed]
+use    = "character.pose"
+inputs = ["mesh", "skeleton"]
+
+[stage.out]
+use    = "mesh.save"
+inputs = ["posed"]
+path   = "dog-posed.obj"
+`;
+
+test("a skeleton is extracted from a mesh without one, and what is posed runs", { media: ["dog.ply"], open: ".", timeout: 120_000 }, async ({ page, server }) => {
+  writeFileSync(join(server.folder, "dog.character.toml"), DOG);
+  await page.locator(".shell[data-ready=true]").waitFor();
+  await page.keyboard.press("Control+o");
+  await page.getByRole("combobox", { name: "Find in this folder" }).fill("dog.character.toml");
+  await page.getByRole("option", { name: "dog.character.toml" }).waitFor();
+  await page.keyboard.press("Enter");
+  await page.getByText("No skeleton yet").waitFor();
+  await page.getByRole("application").waitFor();
+  await page.getByRole("button", { name: "Extract skeleton" }).click();
+  await until(async () => (await state(page)).joints.length > 5, "the skeleton", 60_000);
+  await atRest(page);
+  await tree(page).getByRole("treeitem").nth(3).click();
+  await inBothThemes(page, "character-extracted");
+  await tab(page, "Pose");
+  await number(page, "Rotation z", 20);
+  await done(page, "Rotate");
+  await savedRunsAsShown(page, server);
 });
