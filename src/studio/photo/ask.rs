@@ -4,7 +4,6 @@ use std::io::Cursor;
 use std::path::Path;
 
 use super::document::PhotoDocument;
-use super::shown::Shown;
 use super::{PhotoWorkspace, method};
 use crate::error::StudioError;
 use crate::workspace::Answer;
@@ -41,11 +40,13 @@ impl PhotoWorkspace {
         let said = document.pipeline.said();
         while self.analysis.search_photo(said.faces_found.as_ref(), run)? {}
         self.exact(document, run)?;
+        let lens = self.lens.clone().filter(|_| self.shown.is_some());
         let nothing = || StudioError::request(self.problem.clone().unwrap_or_else(|| "there is no result".to_owned()));
-        let Some(Shown { warp, .. }) = self.shown.take() else { return Err(nothing()) };
-        // What is shown is solved again: the map itself goes into the export.
-        self.due.exact = true;
-        Ok(warp)
+        let lens = lens.ok_or_else(nothing)?;
+        // What is shown stays: the export has a map of its own.
+        let input = self.map_input(document, &lens, self.lines_in_use(document).unwrap_or_default());
+        let importance = self.analysis.importance.as_ref().filter(|_| said.importance);
+        input.exact(importance.map(|importance| importance.plane()), run).map_err(method)
     }
 }
 

@@ -71,7 +71,7 @@ impl PartialEq for PipelineText {
 
 /// A stage whose settings can be changed.
 #[derive(Clone, Copy, Debug)]
-pub enum Part {
+pub(super) enum Part {
     /// The map, `photo.rectify`.
     Map,
     /// The search for lines, where there is one.

@@ -166,7 +166,7 @@ impl PhotoWorkspace {
     }
 
     /// Lines that the result is made with; `None` where they are not found yet.
-    fn lines_in_use(&self, document: &PhotoDocument) -> Option<Vec<Line>> {
+    pub(super) fn lines_in_use(&self, document: &PhotoDocument) -> Option<Vec<Line>> {
         let Some(found) = document.pipeline.said().found.as_ref().filter(|_| !document.has_lines_in_use()) else {
             return Some(in_use(document).cloned().collect());
         };
@@ -174,7 +174,7 @@ impl PhotoWorkspace {
         Some(lines.iter().filter(|line| !found.without.contains(&line.name)).cloned().collect())
     }
 
-    fn map_input(&self, document: &PhotoDocument, lens: &FoundLens, lines: Vec<Line>) -> MapInput {
+    pub(super) fn map_input(&self, document: &PhotoDocument, lens: &FoundLens, lines: Vec<Line>) -> MapInput {
         let settings = document.pipeline.said().map.clone();
         MapInput { lens: lens.lens.clone(), lines, faces: self.faces_in_use(document), settings }
     }

@@ -153,6 +153,7 @@ fn what_the_saved_pipeline_writes_is_the_export_and_what_is_shown_is_made_of_the
     let exported = bench.export();
     let written = std::fs::read(bench.run("room-kb-125.rectify.toml")).expect("the result");
     assert!(exported == written, "{} and {} bytes", exported.len(), written.len());
+    assert_eq!(bench.state()["result"]["exact"], true, "an export changes nothing that is shown");
 }
 
 #[test]
