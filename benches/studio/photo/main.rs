@@ -35,7 +35,9 @@ fn main() -> Result<(), Failure> {
         megapixels = args.get(at + 1).ok_or("--megapixels needs a number")?.parse()?;
         args.drain(at..at + 2);
     }
-    let [photo, lens, lines] = args.as_slice() else { return Err("a photo, a lens file and a lines file are needed".into()) };
+    let [photo, lens, lines] = args.as_slice() else {
+        return Err("a photo, a lens file and a lines file are needed".into());
+    };
     let folder = tempfile::tempdir()?;
     let folder = folder.path().canonicalize()?;
     let scale = enlarged(Path::new(photo), &folder.join("photo.jpg"), megapixels)?;

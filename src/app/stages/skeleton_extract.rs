@@ -261,7 +261,8 @@ fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton, run: &R
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
     match extension.as_str() {
         "json" => {
-            let file = SkeletonFile { skeleton: skeleton.clone(), curve: Some(curve.clone()), clips: rig.clips.clone() };
+            let file =
+                SkeletonFile { skeleton: skeleton.clone(), curve: Some(curve.clone()), clips: rig.clips.clone() };
             Ok(file.to_json().into_bytes())
         }
         "glb" | "gltf" => {

@@ -43,12 +43,16 @@ impl VertexGraph {
     /// The vertices of a set that are more than so many edges away from all others, ascending.
     pub fn shrunk(&self, vertices: &[u32], rings: usize) -> Vec<u32> {
         let mut outside = self.mask(vertices);
-        outside.iter_mut().for_each(|inside| *inside = !*inside);
+        for inside in &mut outside {
+            *inside = !*inside;
+        }
         let mut rim = ascending(&outside);
         for _ in 0..rings {
             rim = self.spread(&rim, &mut outside);
         }
-        outside.iter_mut().for_each(|outside| *outside = !*outside);
+        for outside in &mut outside {
+            *outside = !*outside;
+        }
         ascending(&outside)
     }
 
@@ -64,7 +68,9 @@ impl VertexGraph {
 
     fn mask(&self, vertices: &[u32]) -> Vec<bool> {
         let mut mask = vec![false; self.neighbors.len()];
-        vertices.iter().for_each(|v| mask[*v as usize] = true);
+        for v in vertices {
+            mask[*v as usize] = true;
+        }
         mask
     }
 

@@ -98,7 +98,9 @@ impl TrackEntry {
         match curve {
             Curve::Translation(keys) => Self::of_keys(joint, Property::Translation, keys, |v| v.to_vec()),
             Curve::Scale(keys) => Self::of_keys(joint, Property::Scale, keys, |v| v.to_vec()),
-            Curve::Rotation(keys) => Self::of_keys(joint, Property::Rotation, keys.keys(), |&[x, y, z, w]| vec![w, x, y, z]),
+            Curve::Rotation(keys) => {
+                Self::of_keys(joint, Property::Rotation, keys.keys(), |&[x, y, z, w]| vec![w, x, y, z])
+            }
         }
     }
 

@@ -154,7 +154,8 @@ impl Document {
         };
         let line = |c: &ClipEntry| format!("    {}", serde_json::to_string(c).expect("strings and numbers"));
         let clips: Vec<String> = self.clips.iter().map(line).collect();
-        let clips = if clips.is_empty() { String::new() } else { format!(",\n  \"clips\": [\n{}\n  ]", clips.join(",\n")) };
+        let clips =
+            if clips.is_empty() { String::new() } else { format!(",\n  \"clips\": [\n{}\n  ]", clips.join(",\n")) };
         format!(
             "{{\n  \"format\": \"{}\",\n  \"version\": 1,\n  \"joints\": [\n{}\n  ]{curve}{clips}\n}}\n",
             KIND.format,

@@ -69,7 +69,7 @@ const KICK: &str = r#"{"format": "plumbline.skeleton", "version": 1, "joints": [
 #[test]
 fn rotations_of_clips_are_w_x_y_z_of_any_length() {
     let file = SkeletonFile::parse(KICK).expect("valid");
-    let pose = file.clips[0].pose(&file.skeleton, 0.5, Default::default()).expect("of this skeleton");
+    let pose = file.clips[0].pose(&file.skeleton, 0.5, crate::character::Extrapolation::default()).expect("of this skeleton");
     let expected = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 2.0 * 0.6_f64.asin());
     assert!(pose.locals[0].rotation.angle_to(&expected) < 1e-12, "{}", pose.locals[0].rotation);
 }
@@ -77,7 +77,10 @@ fn rotations_of_clips_are_w_x_y_z_of_any_length() {
 #[test]
 fn errors_of_clips_name_the_clip_and_the_joint() {
     let tangents = "\"values\": [[1, 0, 0, 0], [8, 6, 0, 0]], \"arriving\": [[0, 0, 0, 0], [0, 0, 0, 0]]";
-    let twice = KICK.replace("}]}]}", r#"}, {"joint": "knee", "property": "rotation", "times": [0], "values": [[1, 0, 0, 0]]}]}]}"#);
+    let twice = KICK.replace(
+        "}]}]}",
+        r#"}, {"joint": "knee", "property": "rotation", "times": [0], "values": [[1, 0, 0, 0]]}]}]}"#,
+    );
     let cases = [
         (KICK.replace("\"joint\": \"knee\"", "\"joint\": \"kneel\""), "no joint \"kneel\""),
         (KICK.replace("[0, 0.5]", "[0.5, 0]"), "must be finite and ascend"),
@@ -125,7 +128,8 @@ fn errors_name_the_field_and_the_value() {
 fn the_schema_knows_every_key() {
     let schema = serde_json::to_string(&skeleton_file_schema()).expect("JSON");
     let of_joints = ["joints", "parent", "translation", "rotation", "scale", "limits", "swing_deg"];
-    for key in of_joints.iter().chain(&["curve", "node_of_vertex", "clips", "tracks", "property", "smooth", "arriving"]) {
+    for key in of_joints.iter().chain(&["curve", "node_of_vertex", "clips", "tracks", "property", "smooth", "arriving"])
+    {
         assert!(schema.contains(key), "{key}");
     }
 }

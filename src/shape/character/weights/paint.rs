@@ -55,10 +55,10 @@ impl BrushStroke {
         if let Brush::Replace(value) = self.brush {
             OptionError::check((0.0..=1.0).contains(&value), "value", value, "0 to 1")?;
         }
-        match self.center.coords.iter().all(|c| c.is_finite()) {
-            true => Ok(()),
-            false => Err(CharacterError::Input(format!("the center {} of the brush is not finite", self.center))),
+        if self.center.coords.iter().all(|c| c.is_finite()) {
+            return Ok(());
         }
+        Err(CharacterError::Input(format!("the center {} of the brush is not finite", self.center)))
     }
 
     /// Effect at a position, in 0 ..= strength.
@@ -123,7 +123,9 @@ impl SkinWeights {
         };
         let effect = if neighbors.is_empty() { 0.0 } else { effect };
         add(self.row(v), 1.0 - effect);
-        neighbors.iter().for_each(|&n| add(self.row(n as usize), effect / neighbors.len() as f64));
+        for &n in neighbors {
+            add(self.row(n as usize), effect / neighbors.len() as f64);
+        }
         joints.sort_unstable();
         joints.dedup();
         joints.into_iter().map(|j| (j, std::mem::take(&mut dense[j as usize]))).collect()
@@ -142,7 +144,9 @@ fn drawn(mut row: Vec<(u32, f64)>, stroke: &BrushStroke, effect: f64) -> Vec<(u3
     // Nobody else to take it.
     let new = if rest > 0.0 { old + effect * (target - old) } else { 1.0 };
     row.retain(|i| i.0 != stroke.joint);
-    row.iter_mut().for_each(|i| i.1 *= (1.0 - new) / rest);
+    for i in &mut row {
+        i.1 *= (1.0 - new) / rest;
+    }
     row.push((stroke.joint, new));
     row
 }
@@ -153,7 +157,9 @@ fn limited(mut row: Vec<(u32, f64)>, most: usize) -> Vec<(u32, f64)> {
     row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     row.truncate(most);
     let sum: f64 = row.iter().map(|i| i.1).sum();
-    row.iter_mut().for_each(|i| i.1 /= sum);
+    for i in &mut row {
+        i.1 /= sum;
+    }
     row.sort_unstable_by_key(|i| i.0);
     row
 }
