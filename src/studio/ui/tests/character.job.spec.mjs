@@ -140,6 +140,10 @@ test("a character is built, painted, posed by FK and IK, animated, undone and sa
   await atRest(page);
   await page.getByRole("button", { name: "Front view" }).click();
   await page.waitForTimeout(200);
+  // The left arm as seen, by its surface, then the same hand by arrow keys.
+  await dragInView(page, [0.26, 0.3], [20, -50]);
+  await done(page, "Drag");
+  await atRest(page);
   await joint(page, "hand.R").click();
   for (let i = 0; i < 4; i++) await page.keyboard.press("Alt+Shift+ArrowUp");
   await done(page, "Drag hand.R");
