@@ -125,8 +125,8 @@ impl NamedTarget {
     pub fn resolved(&self, skeleton: &Skeleton) -> Option<Target> {
         let mut target = self.target.clone();
         target.joint = skeleton.find(&self.joint)?;
-        if let (Goal::Pole { root, middle, .. }, Some(names)) = (&mut target.goal, &self.pole) {
-            (*root, *middle) = (skeleton.find(&names[0])?, skeleton.find(&names[1])?);
+        if let (Goal::Pole { root, middle, .. }, Some([first, second])) = (&mut target.goal, &self.pole) {
+            (*root, *middle) = (skeleton.find(first)?, skeleton.find(second)?);
         }
         Some(target)
     }

@@ -148,9 +148,10 @@ pub(super) fn point(p: V3) -> Result<Point3<f64>, StudioError> {
 
 /// A finite vector.
 pub(super) fn vector(v: V3) -> Result<Vector3<f64>, StudioError> {
-    match v.iter().all(|c| c.is_finite()) {
-        true => Ok(Vector3::from(v)),
-        false => Err(StudioError::request(format!("{v:?} is not finite"))),
+    if v.iter().all(|c| c.is_finite()) {
+        Ok(Vector3::from(v))
+    } else {
+        Err(StudioError::request(format!("{v:?} is not finite")))
     }
 }
 

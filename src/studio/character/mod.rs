@@ -41,6 +41,7 @@ const SENT: usize = 4;
 
 /// What changed since it was sent.
 #[derive(Clone, Copy, Debug, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "a set of independent parts, each named")]
 struct Stale {
     skeleton: bool,
     weights: bool,
@@ -126,7 +127,7 @@ impl CharacterWorkspace {
         positions.iter().map(relative).collect()
     }
 
-    fn send_weights(&self, weights: Option<&SkinWeights>, out: &mut Outbox) {
+    fn send_weights(weights: Option<&SkinWeights>, out: &mut Outbox) {
         let rows = weights.map(|w| w.rows().collect::<Vec<_>>()).unwrap_or_default();
         let at = |row: &[plumbline_shape::character::Influence], k: usize| {
             row.get(k).map_or((0, 0.0), |i| (i.joint, i.weight))
@@ -226,7 +227,9 @@ impl CharacterWorkspace {
             return Ok(false);
         }
         let (_, notices) = self.rigs.weigh(&document.weights, &skeleton, run)?;
-        notices.into_iter().for_each(|text| out.notice(text));
+        for text in notices {
+            out.notice(text);
+        }
         self.stale = Stale { skeleton: self.stale.skeleton, ..Stale::ALL };
         Ok(true)
     }
@@ -239,7 +242,7 @@ impl CharacterWorkspace {
         }
         let weights = skeleton.and_then(|s| self.rigs.weights(&document.weights, &s));
         if std::mem::take(&mut self.stale.weights) {
-            self.send_weights(weights.as_deref(), out);
+            Self::send_weights(weights.as_deref(), out);
         }
         if std::mem::take(&mut self.stale.heat) {
             self.send_heat(weights.as_deref(), out);
@@ -413,7 +416,7 @@ impl Workspace for CharacterWorkspace {
     ) -> Result<Answer, StudioError> {
         match ask {
             Ask::Export { format } => self.export(document, format, run),
-            Ask::Command => Ok(Answer::Value(self.command(document).into())),
+            Ask::Command => Ok(Answer::Value(Self::command(document).into())),
         }
     }
 }

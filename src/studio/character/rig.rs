@@ -216,16 +216,15 @@ impl Rigs {
         run: &Run,
     ) -> Result<Vec<Point3<f64>>, StudioError> {
         let key = (Same(skin.clone()), method);
-        let skinner = match self.skinners.get(&key) {
-            Some(known) => known,
-            None => {
-                let library = METHODS.iter().find(|m| m.0 == method).map(|m| m.1);
-                let library = library.ok_or_else(|| StudioError::request("there is no trained model"))?;
-                let skinner = Skinner::new(&self.mesh, None, skeleton, skin, library, run).map_err(fault)?;
-                let skinner = Arc::new(skinner);
-                self.skinners.put(key, skinner.clone());
-                skinner
-            }
+        let skinner = if let Some(known) = self.skinners.get(&key) {
+            known
+        } else {
+            let library = METHODS.iter().find(|m| m.0 == method).map(|m| m.1);
+            let library = library.ok_or_else(|| StudioError::request("there is no trained model"))?;
+            let skinner = Skinner::new(&self.mesh, None, skeleton, skin, library, run).map_err(fault)?;
+            let skinner = Arc::new(skinner);
+            self.skinners.put(key, skinner.clone());
+            skinner
         };
         skinner.positions(&skin.joint_matrices(globals).map_err(fault)?).map_err(fault)
     }

@@ -69,7 +69,7 @@ impl CharacterWorkspace {
     }
 
     /// The command that does the same as the saved document.
-    pub(super) fn command(&self, document: &CharacterDocument) -> String {
+    pub(super) fn command(document: &CharacterDocument) -> String {
         let name = |path: &std::path::Path| quoted(&path.file_name().unwrap_or_default().to_string_lossy());
         let pipeline = document.pipeline.path();
         let stem = pipeline.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -74,7 +74,7 @@ pub fn apply(
             motion::drag(next, (handle, number, checked_time(time)?), &motion, surface, gesture)
         }
         Edit::Place { .. } | Edit::Reset { .. } | Edit::AddKey { .. } | Edit::SetInterpolation { .. } => {
-            motion::set_key(next, edit, surface)
+            motion::set_key(next, &edit, surface)
         }
         Edit::DeleteKeys { keys } => motion::delete_keys(next, &keys),
         Edit::MoveKeys { keys, by, gesture: number } => motion::move_keys(next, &keys, by, number, gesture),

@@ -44,7 +44,8 @@ impl Opened {
     }
 
     fn of(folder: tempfile::TempDir, name: &str) -> Self {
-        let mut files = DocumentFiles::new(folder.path().canonicalize().unwrap().join(name), Default::default());
+        let mut files =
+            DocumentFiles::new(folder.path().canonicalize().unwrap().join(name), std::collections::BTreeMap::default());
         let (mut workspace, document) = MeshWorkspace::open(&mut files, &Run::default()).unwrap();
         let mut out = Outbox::default();
         workspace.changed(&document);

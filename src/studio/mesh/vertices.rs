@@ -60,7 +60,9 @@ pub fn combined(selection: &[u32], set: Vec<u32>, how: Combine) -> Vec<u32> {
 /// All vertices but these.
 pub fn inverted(vertices: &[u32], count: usize) -> Vec<u32> {
     let mut outside = vec![true; count];
-    vertices.iter().for_each(|v| outside[*v as usize] = false);
+    for v in vertices {
+        outside[*v as usize] = false;
+    }
     (0..count as u32).filter(|v| outside[*v as usize]).collect()
 }
 
@@ -100,7 +102,9 @@ pub fn followed(vertices: &[u32], how: Follow, solvable: &SolvableMesh, graph: &
         Follow::Component => graph.connected(&on_surface),
     };
     let mut inside = vec![false; solvable.mesh.vertex_count()];
-    found.iter().for_each(|v| inside[*v as usize] = true);
+    for v in &found {
+        inside[*v as usize] = true;
+    }
     let is_inside = |(v, at): (usize, &Option<u32>)| at.is_some_and(|at| inside[at as usize]).then_some(v as u32);
     solvable.vertex_of_source.iter().enumerate().filter_map(is_inside).collect()
 }

@@ -39,11 +39,11 @@ type Edited = Result<Step<PhotoDocument>, StudioError>;
 pub(super) fn apply(document: &PhotoDocument, edit: Edit, known: Known<'_>) -> Edited {
     match edit {
         Edit::Select { lines, point, faces } => select(document, Selection { lines, point, faces }),
-        Edit::SetLens { lens, fov, fov_axis } => set_lens(document, lens, fov, fov_axis),
+        Edit::SetLens { lens, fov, fov_axis } => set_lens(document, &lens, fov, fov_axis.as_deref()),
         Edit::Set { key, value } => set(document, &key, &value),
         Edit::Adopt { names } => adopt(document, &names, known),
         Edit::SwitchFound { names, off } => switch_found(document, names, off, known),
-        Edit::AddLine { points, orientation } => add_line(document, points, orientation, known),
+        Edit::AddLine { points, orientation } => add_line(document, &points, orientation.as_ref(), known),
         edit @ (Edit::AddFace { .. }
         | Edit::SetFace { .. }
         | Edit::RenameFace { .. }
@@ -172,12 +172,12 @@ fn with_own_faces(document: &PhotoDocument, known: Known<'_>) -> Result<PhotoDoc
 
 fn add_line(
     document: &PhotoDocument,
-    points: Vec<[f64; 2]>,
-    orientation: Option<OrientationSetting>,
+    points: &[[f64; 2]],
+    orientation: Option<&OrientationSetting>,
     known: Known<'_>,
 ) -> Edited {
-    let orientation = orientation.as_ref().map_or(Ok(Orientation::Free), orientation_of)?;
-    let points = checked_line(&points, known.size)?;
+    let orientation = orientation.map_or(Ok(Orientation::Free), orientation_of)?;
+    let points = checked_line(points, known.size)?;
     // The pipeline takes found lines only where none are marked: those in use stay in use as marked ones.
     let keeps = known.found_in_use && !document.has_lines_in_use();
     let mut next = if keeps { adopted(document, known, |_| true)? } else { document.clone() };
@@ -258,16 +258,16 @@ fn switch_found(document: &PhotoDocument, names: Vec<String>, off: bool, known: 
     Ok(Step::new(PhotoDocument { pipeline, ..document.clone() }, label))
 }
 
-fn set_lens(document: &PhotoDocument, lens: String, fov: Option<f64>, axis: Option<String>) -> Edited {
+fn set_lens(document: &PhotoDocument, lens: &str, fov: Option<f64>, axis: Option<&str>) -> Edited {
     if lens.trim().is_empty() || lens.chars().count() > 4096 {
         return Err(StudioError::request("a lens is auto, a file, or a model with a field of view"));
     }
-    let escaped = plumbline_app::pipeline::file::literal_path(std::path::Path::new(&lens));
+    let escaped = plumbline_app::pipeline::file::literal_path(std::path::Path::new(lens));
     let changes = [Part::Map, Part::Found].into_iter().flat_map(|part| {
         [
             (part, "lens", Some(Value::from(escaped.as_str()))),
             (part, "fov", fov.map(Value::from)),
-            (part, "fov_axis", axis.as_deref().filter(|a| *a != "h").map(Value::from)),
+            (part, "fov_axis", axis.filter(|a| *a != "h").map(Value::from)),
         ]
     });
     let pipeline = document.pipeline.with(&changes.collect::<Vec<_>>())?;
@@ -425,8 +425,11 @@ fn new_name<'n>(name: &str, mut others: impl Iterator<Item = &'n String>) -> Res
 }
 
 /// `WORD N` with the first number that no name has.
-fn free_name<'n>(word: &str, names: impl Iterator<Item = &'n str> + Clone) -> String {
-    (1..).map(|n| format!("{word} {n}")).find(|name| names.clone().all(|other| other != name)).unwrap_or_default()
+fn free_name<'n>(word: &str, names: impl IntoIterator<Item = &'n str>) -> String {
+    let names: Vec<&str> = names.into_iter().collect();
+    // One of more names than are taken is free.
+    let mut all = (1..=names.len() + 1).map(|n| format!("{word} {n}"));
+    all.find(|name| !names.contains(&name.as_str())).unwrap_or_default()
 }
 
 fn counted(verb: &str, count: usize, noun: &str) -> String {

@@ -68,6 +68,7 @@ struct Looks {
 
 /// What is out of date.
 #[derive(Clone, Copy, Debug, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "a set of independent parts, each named")]
 struct Due {
     /// Marks and their courses.
     marks: bool,
@@ -143,7 +144,7 @@ impl Workspace for PhotoWorkspace {
     }
 
     fn view(&mut self, _: &PhotoDocument, view: View) -> Result<(), StudioError> {
-        self.look(view)
+        self.look(&view)
     }
 
     fn changed(&mut self, document: &PhotoDocument) {

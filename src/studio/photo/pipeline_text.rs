@@ -244,12 +244,11 @@ impl Read {
         if sources.len() > 1 {
             return Err("lines come from several stages: the studio edits those of one".to_owned());
         }
-        let load = |stage: &Stage| settings::<LinesLoadSettings>(stage).map(|s| to_path(&s.path));
-        self.lines = load(first);
+        self.lines = lines_file(first);
         if let Some(found) = settings::<LinesDetectSettings>(first) {
             self.names.found = Some(first.name.clone());
             self.found = Some(found);
-            self.lines = source(stages, first, "marked").and_then(load);
+            self.lines = source(stages, first, "marked").and_then(lines_file);
         }
         Ok(())
     }
@@ -257,6 +256,11 @@ impl Read {
 
 fn settings<S: pipeline::kind::Stage + Clone>(stage: &Stage) -> Option<S> {
     stage.settings.get::<S>().cloned()
+}
+
+/// The file of a stage that reads lines.
+fn lines_file(stage: &Stage) -> Option<PathBuf> {
+    settings::<LinesLoadSettings>(stage).map(|s| to_path(&s.path))
 }
 
 /// The stage that a port takes its data from.

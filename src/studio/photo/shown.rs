@@ -36,7 +36,7 @@ pub(super) struct Shown {
 
 impl PhotoWorkspace {
     /// What a window looks at.
-    pub(super) fn look(&mut self, view: View) -> Result<(), StudioError> {
+    pub(super) fn look(&mut self, view: &View) -> Result<(), StudioError> {
         let part = |[a, b, c, d]: [f64; 4]| {
             let inside = |v: f64| (0.0..=1.0).contains(&v);
             let sound = [a, b, c, d].into_iter().all(inside) && c - a > 1e-4 && d - b > 1e-4;
@@ -97,10 +97,7 @@ impl PhotoWorkspace {
 
     /// The quick map and its picture, where something like it was shown before or a lens is known at once.
     fn draft(&mut self, document: &PhotoDocument, out: &mut Outbox, run: &Run) -> Result<(), StudioError> {
-        let lens = match self.draft_lens(document, run) {
-            Some(lens) => lens,
-            None => return Ok(()),
-        };
+        let Some(lens) = self.draft_lens(document, run) else { return Ok(()) };
         // Before lines are found the first picture is shown without them.
         let lines = self.lines_in_use(document).unwrap_or_default();
         let input = self.map_input(document, &lens, lines);
@@ -196,7 +193,7 @@ impl PhotoWorkspace {
         lens: Option<&FoundLens>,
         run: &Run,
     ) -> Result<bool, StudioError> {
-        let key = self.search_key(document, lens);
+        let key = Self::search_key(document, lens);
         // Lines that the pipeline would find itself do as suggestions, too.
         let known = self.analysis.found.as_ref().is_some_and(|found| {
             found.key == key || document.has_lines_in_use() && lens.is_some() && found.key.starts_with("own ")
@@ -207,7 +204,7 @@ impl PhotoWorkspace {
         Ok(true)
     }
 
-    fn search_key(&self, document: &PhotoDocument, lens: Option<&FoundLens>) -> String {
+    fn search_key(document: &PhotoDocument, lens: Option<&FoundLens>) -> String {
         let said = document.pipeline.said();
         let settings = format!("{} {:?} {:?}", said.map.lens, said.map.fov, said.map.fov_axis);
         match lens {

@@ -67,16 +67,13 @@ impl Draft {
         if input.settings.to != Target::Optimized {
             return input.exact(saliency, run);
         }
-        let last = match self.last.take().filter(|last| last.input.differs_in_lines_alone(input)) {
-            Some(mut last) => {
-                last.rectifier.follow(&input.lines, run)?;
-                last
-            }
-            None => {
-                let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
-                let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
-                Last { input: input.clone(), rectifier, frame: None }
-            }
+        let last = if let Some(mut last) = self.last.take().filter(|last| last.input.differs_in_lines_alone(input)) {
+            last.rectifier.follow(&input.lines, run)?;
+            last
+        } else {
+            let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
+            let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
+            Last { input: input.clone(), rectifier, frame: None }
         };
         self.last = Some(last);
         Ok(self.framed()?)

@@ -1,5 +1,6 @@
 //! Laws of the photo workspace, by calls of the trait.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -309,7 +310,14 @@ fn a_pixel_of_the_photo_is_where_its_mark_is_carried_to() {
     let mut samples = vec![0_u8; w * h * 3];
     samples[(y * w + x) * 3..][..3].fill(255);
     let frame = plumbline_image::still::frame_of_rgb(&samples, w, h).expect("a frame");
-    let photo = Photo { frame, exif: None, tags: Default::default(), icc: None, format: None, warnings: Vec::new() };
+    let photo = Photo {
+        frame,
+        exif: None,
+        tags: plumbline_image::still::ExifTags::default(),
+        icc: None,
+        format: None,
+        warnings: Vec::new(),
+    };
     photo.save(folder.path().join("dot.png")).expect("written");
     let mut bench = Bench::open(folder, "dot.png");
     bench.done(json!({ "do": "set_lens", "lens": "equidistant", "fov": 110.0 }));
@@ -412,7 +420,14 @@ fn a_line_near_an_edge_snaps_onto_it() {
     let (w, h) = (400_usize, 300_usize);
     let samples: Vec<u8> = (0..w * h).flat_map(|k| [if k % w < 200 { 20 } else { 220 }; 3]).collect();
     let frame = plumbline_image::still::frame_of_rgb(&samples, w, h).expect("a frame");
-    let photo = Photo { frame, exif: None, tags: Default::default(), icc: None, format: None, warnings: Vec::new() };
+    let photo = Photo {
+        frame,
+        exif: None,
+        tags: plumbline_image::still::ExifTags::default(),
+        icc: None,
+        format: None,
+        warnings: Vec::new(),
+    };
     photo.save(folder.path().join("edge.png")).expect("written");
     assert!(rgb_of_frame(&photo.frame).is_ok());
     let mut bench = Bench::open(folder, "edge.png");
@@ -458,9 +473,9 @@ fn the_types_of_the_page_are_those_of_the_workspace() {
     ];
     let list: Vec<String> = kinds.iter().map(|(name, kind)| format!("  {name}: {},", *kind as u32)).collect();
     let mut text = "// Types of the photo workspace's messages, written by its test (REGENERATE=1).\n\n".to_owned();
-    text += &format!("export const BufferKind = {{\n{}\n}} as const;\n", list.join("\n"));
+    let _ = write!(text, "export const BufferKind = {{\n{}\n}} as const;\n", list.join("\n"));
     for declaration in declarations {
-        text += &format!("\nexport {declaration}\n");
+        let _ = write!(text, "\nexport {declaration}\n");
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("ui/src/generated/photo.ts");
     if std::env::var_os("REGENERATE").is_some() {

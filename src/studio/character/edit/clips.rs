@@ -140,9 +140,10 @@ fn key(document: &CharacterDocument, joints: &[u32], time: f64, around: &Around<
 }
 
 fn checked(time: f64) -> Result<f64, StudioError> {
-    match (0.0..=MAX_TIME).contains(&time) {
-        true => Ok(time),
-        false => Err(StudioError::request(format!("time {time} s is not within 0 to {MAX_TIME}"))),
+    if (0.0..=MAX_TIME).contains(&time) {
+        Ok(time)
+    } else {
+        Err(StudioError::request(format!("time {time} s is not within 0 to {MAX_TIME}")))
     }
 }
 

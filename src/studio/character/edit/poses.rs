@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 
-use super::super::document::{CharacterDocument, NamedTarget, PoseDocument, offsets};
+use super::super::document::{CharacterDocument, NamedTarget, Offsets, PoseDocument, offsets};
 use super::super::message::{Edit, Target as TargetMessage, TargetKind};
 use super::super::solve::{options, targets};
 use super::{Around, Edited, joint, name, point, refused, rotation, vector};
@@ -218,19 +218,18 @@ impl Posing<'_> {
 
     /// Where a joint looks, in its frame: along the bone to its only child, else away from its parent.
     fn axis(&self, j: u32) -> Unit<Vector3<f64>> {
-        let along = match self.skeleton.children(j) {
-            [child] => self.skeleton.joints()[*child as usize].rest.translation,
-            _ => {
-                let rest = self.skeleton.joints()[j as usize].rest;
-                rest.rotation.inverse() * rest.translation
-            }
+        let along = if let [child] = self.skeleton.children(j) {
+            self.skeleton.joints()[*child as usize].rest.translation
+        } else {
+            let rest = self.skeleton.joints()[j as usize].rest;
+            rest.rotation.inverse() * rest.translation
         };
         Unit::try_new(along, 0.0).unwrap_or_else(Vector3::z_axis)
     }
 
     fn reset(&self, joints: Option<&[u32]>) -> Edited {
         let Some(joints) = joints else {
-            let pose = PoseDocument { joints: Default::default(), ..(*self.document.pose).clone() };
+            let pose = PoseDocument { joints: Offsets::default(), ..(*self.document.pose).clone() };
             return Ok(Step::new(with_pose(self.document, pose), "Rest pose"));
         };
         let mut pose = self.shown.clone();

@@ -35,7 +35,9 @@ pub(super) fn apply(document: &CharacterDocument, message: Message, around: &mut
     let mut now: Vec<Option<u32>> = (0..editor.rig.joints().len() as u32).map(Some).collect();
     for edit in edits {
         let edited = editor.apply(renumbered(edit, &now), around)?;
-        now.iter_mut().for_each(|j| *j = j.and_then(|j| edited.joint_of.get(j as usize).copied().flatten()));
+        for j in &mut now {
+            *j = j.and_then(|j| edited.joint_of.get(j as usize).copied().flatten());
+        }
     }
     let mut document = editor.document;
     document.skeleton = editor.rig.skeleton().map_or(SkeletonSource::None, |s| SkeletonSource::Made(Arc::new(s)));
@@ -127,7 +129,9 @@ fn rename(document: &mut CharacterDocument, from: &str, to: &str) {
         new(&mut target.joint);
         target.pole.iter_mut().flatten().for_each(new);
     }
-    Arc::make_mut(&mut document.poses).values_mut().for_each(|pose| moved(Arc::make_mut(pose)));
+    for pose in Arc::make_mut(&mut document.poses).values_mut() {
+        moved(Arc::make_mut(pose));
+    }
     for clip in Arc::make_mut(&mut document.clips) {
         if clip.curves.iter().any(|c| c.joint == from) {
             Arc::make_mut(clip).curves.iter_mut().for_each(|c| new(&mut Arc::make_mut(c).joint));

@@ -55,9 +55,10 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
 }
 
 fn checked(influences: u32) -> Result<usize, StudioError> {
-    match (1..=MAX_INFLUENCES).contains(&influences) {
-        true => Ok(influences as usize),
-        false => Err(StudioError::request(format!("{influences} joints per vertex (expected 1 to {MAX_INFLUENCES})"))),
+    if (1..=MAX_INFLUENCES).contains(&influences) {
+        Ok(influences as usize)
+    } else {
+        Err(StudioError::request(format!("{influences} joints per vertex (expected 1 to {MAX_INFLUENCES})")))
     }
 }
 

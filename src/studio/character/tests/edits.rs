@@ -178,7 +178,10 @@ fn a_skeleton_file_with_a_cycle_is_refused_with_its_path() {
     let joint = |name: &str, parent: &str| json!({"name": name, "parent": parent, "translation": [0, 0, 0]});
     let cycle = json!({"format": "plumbline.skeleton", "version": 1, "joints": [joint("a", "b"), joint("b", "a")]});
     std::fs::write(folder.path().join("bar.skeleton.json"), cycle.to_string()).unwrap();
-    let mut files = DocumentFiles::new(folder.path().canonicalize().unwrap().join("bar.obj"), Default::default());
+    let mut files = DocumentFiles::new(
+        folder.path().canonicalize().unwrap().join("bar.obj"),
+        std::collections::BTreeMap::default(),
+    );
     let error = CharacterWorkspace::open(&mut files, &Run::default()).map(drop).expect_err("a cycle").to_string();
     assert!(error.contains("bar.skeleton.json"), "{error}");
 }
@@ -190,6 +193,6 @@ fn a_character_is_begun_for_a_mesh_by_the_name_of_its_pipeline_file() {
     write_model(&folder.path().join("bar.ply"), &bar).unwrap();
     let opened = Opened::of(folder, "bar.character.toml");
     assert_eq!(opened.state().mesh.vertices, bar.mesh().vertex_count());
-    let mut files = DocumentFiles::new(opened.path("none.character.toml"), Default::default());
+    let mut files = DocumentFiles::new(opened.path("none.character.toml"), std::collections::BTreeMap::default());
     assert!(CharacterWorkspace::open(&mut files, &Run::default()).is_err());
 }

@@ -47,7 +47,8 @@ impl Opened {
     }
 
     pub(super) fn of(folder: tempfile::TempDir, name: &str) -> Self {
-        let mut files = DocumentFiles::new(folder.path().canonicalize().unwrap().join(name), Default::default());
+        let mut files =
+            DocumentFiles::new(folder.path().canonicalize().unwrap().join(name), std::collections::BTreeMap::default());
         let (mut workspace, document) = CharacterWorkspace::open(&mut files, &Run::default()).unwrap();
         let mut out = Outbox::default();
         workspace.changed(&document);

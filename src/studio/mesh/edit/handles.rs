@@ -67,7 +67,9 @@ fn free_name(document: &MeshDocument, kind: HandleKind) -> String {
         HandleKind::Free => "free",
     };
     let taken = |name: &String| document.handles.iter().any(|h| h.mesh.name == *name);
-    (1..).map(|k| format!("{stem} {k}")).find(|name| !taken(name)).unwrap_or_else(|| stem.to_owned())
+    // One of more names than there are handles is free.
+    let mut names = (1..=document.handles.len() + 1).map(|k| format!("{stem} {k}"));
+    names.find(|name| !taken(name)).unwrap_or_else(|| stem.to_owned())
 }
 
 pub(super) fn change(

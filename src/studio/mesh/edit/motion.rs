@@ -40,10 +40,10 @@ fn began<'a>(document: &MeshDocument, number: u32, gesture: &'a mut Option<Gestu
 
 pub(super) fn set_key(
     mut next: MeshDocument,
-    edit: Edit,
+    edit: &Edit,
     surface: &Surface<'_>,
 ) -> Result<Step<MeshDocument>, StudioError> {
-    let (handle, label) = match edit {
+    let (handle, label) = match *edit {
         Edit::Place { handle, time, translation, axis, angle_deg } => {
             let of = &mut next.handle_mut(handle)?.mesh;
             let key = keys::rigid_key(&of.track, checked_time(time)?);
@@ -141,11 +141,11 @@ pub(super) fn move_keys(
     if base.len() != next.handles.len() {
         return Err(StudioError::request("the handles have changed since the drag began"));
     }
-    for handle in 0..next.handles.len() {
+    for (handle, start) in base.iter().enumerate() {
         let times: Vec<f64> = ids.iter().filter(|k| k.handle == handle).map(|k| k.time).collect();
         if !times.is_empty() {
             let moved = |t: f64| Some(if times.iter().any(|k| keys::same_time(*k, t)) { t + by } else { t });
-            next.handle_mut(handle)?.mesh.track = keys::retimed(&base[handle].mesh.track, moved)?;
+            next.handle_mut(handle)?.mesh.track = keys::retimed(&start.mesh.track, moved)?;
         }
     }
     let label = if ids.len() == 1 { "Move key".to_owned() } else { format!("Move {} keys", ids.len()) };

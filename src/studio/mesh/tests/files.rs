@@ -83,7 +83,8 @@ fn what_is_no_deformation_is_refused_with_the_reason() {
         let folder = folder_with(&bar());
         std::fs::write(folder.path().join("x.toml"), text).unwrap();
         let path = folder.path().canonicalize().unwrap().join("x.toml");
-        let error = MeshWorkspace::open(&mut DocumentFiles::new(path, Default::default()), &Run::default());
+        let error =
+            MeshWorkspace::open(&mut DocumentFiles::new(path, std::collections::BTreeMap::default()), &Run::default());
         let error = error.expect_err(text).to_string();
         assert!(error.contains(word), "{text}: {error}");
     }
@@ -95,7 +96,8 @@ fn a_mesh_that_is_not_finite_or_empty_is_refused_with_its_path() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("bad.obj"), text).unwrap();
         let path = folder.path().canonicalize().unwrap().join("bad.obj");
-        let error = MeshWorkspace::open(&mut DocumentFiles::new(path, Default::default()), &Run::default());
+        let error =
+            MeshWorkspace::open(&mut DocumentFiles::new(path, std::collections::BTreeMap::default()), &Run::default());
         let error = error.expect_err(text).to_string();
         assert!(error.contains(word), "{error}");
     }
@@ -110,7 +112,8 @@ fn handles_of_another_mesh_are_refused_with_the_file_that_has_them() {
     )
     .unwrap();
     let path = folder.path().canonicalize().unwrap().join("bar.obj");
-    let error = MeshWorkspace::open(&mut DocumentFiles::new(path, Default::default()), &Run::default());
+    let error =
+        MeshWorkspace::open(&mut DocumentFiles::new(path, std::collections::BTreeMap::default()), &Run::default());
     let error = error.expect_err("no such vertex").to_string();
     assert!(error.contains("bar.handles.json") && error.contains("999999"), "{error}");
 }
