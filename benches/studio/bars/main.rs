@@ -7,6 +7,8 @@
 //! Sends the edits of a hand that drags to the workspace, as the session does, and reads what comes back. A mesh of another size is
 //! made from the given one: a level of its hierarchy, or every triangle in four.
 
+#![allow(clippy::print_stdout)] // a table of figures is its result
+
 use std::collections::HashMap;
 use std::error::Error;
 use std::path::Path;
@@ -88,7 +90,7 @@ struct Bench {
 
 impl Bench {
     fn open(file: &Path) -> Result<Self, Failure> {
-        let mut files = DocumentFiles::new(file, Default::default());
+        let mut files = DocumentFiles::new(file, std::collections::BTreeMap::default());
         let (started, wall) = (cpu(), Instant::now());
         let (mut workspace, document) = MeshWorkspace::open(&mut files, &Run::default())?;
         workspace.changed(&document);
@@ -96,7 +98,7 @@ impl Bench {
         workspace.greet(&document, &mut out);
         let state = serde_json::to_value(workspace.state(&document))?;
         println!("{} vertices, {} triangles", state["mesh"]["vertices"], state["mesh"]["triangles"]);
-        report("opening to the first picture", cpu() - started, Some(wall.elapsed()));
+        report("opening to the first picture", cpu().saturating_sub(started), Some(wall.elapsed()));
         let points = out.buffers.iter().find(|b| b.kind == BufferKind::Positions.number()).ok_or("no picture")?;
         let count = points.bytes.len() / 20;
         let y = |v: usize| f32::from_le_bytes(points.bytes[12 * v + 4..12 * v + 8].try_into().unwrap_or_default());
@@ -141,7 +143,7 @@ impl Bench {
         self.edit(json!({"do": "add_handle", "kind": "rigid"}))?;
         self.drag(0)?;
         self.picture()?;
-        report("first drag after making handles", cpu() - started, None);
+        report("first drag after making handles", cpu().saturating_sub(started), None);
         Ok(())
     }
 
@@ -162,7 +164,7 @@ impl Bench {
             let started = cpu();
             self.drag(step)?;
             self.picture()?;
-            times.push(cpu() - started);
+            times.push(cpu().saturating_sub(started));
         }
         report("drag: solve + encode, p95", p95(&mut times), None);
         Ok(history)
@@ -175,8 +177,8 @@ impl Bench {
         let watch = {
             let interrupt = interrupt.clone();
             std::thread::spawn(move || {
-                while cpu() - started < Duration::from_secs(1) && !interrupt.is_stopped() {
-                    std::thread::sleep(Duration::from_millis(5));
+                while cpu().saturating_sub(started) < Duration::from_secs(1) && !interrupt.is_stopped() {
+                    std::thread::park_timeout(Duration::from_millis(5)); // nobody wakes it: a pause
                 }
                 interrupt.stop();
             })
@@ -189,7 +191,7 @@ impl Bench {
                 Err(error) => return Err(error.into()),
             }
         }
-        let spent = cpu() - started;
+        let spent = cpu().saturating_sub(started);
         interrupt.stop();
         watch.join().map_err(|_| "the watch failed")?;
         let state = serde_json::to_value(self.workspace.state(&self.document))?;
@@ -217,7 +219,7 @@ impl Bench {
         let mut deformer =
             KeyframedDeformer::new(model.mesh(), solvable, handles, &pipeline.settings().keyframed(), &run)?;
         let pose = deformer.pose(last, &run)?;
-        report("headless: factorization and solve", cpu() - started, None);
+        report("headless: factorization and solve", cpu().saturating_sub(started), None);
         Ok(*pose.report.energies.last().ok_or("no energy")?)
     }
 
@@ -230,7 +232,7 @@ impl Bench {
             self.document = document.clone();
             self.workspace.changed(&self.document);
             let state = serde_json::to_string(&self.workspace.state(&self.document))?;
-            times.push(cpu() - started);
+            times.push(cpu().saturating_sub(started));
             if state.is_empty() || handle_text::write(&self.document) != *text {
                 return Err("undo gave another document".into());
             }

@@ -7,6 +7,8 @@
 //! The character is the humanoid with fingers and split bones: 63 joints, on a surface of about 20 000 vertices (23 000 for the brush).
 //! Sends the edits of a hand to the workspace, as the session does, and reads what comes back.
 
+#![allow(clippy::print_stdout)] // a table of figures is its result
+
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -120,7 +122,7 @@ struct Bench {
 
 impl Bench {
     fn open(file: &Path) -> Result<Self, Failure> {
-        let mut files = DocumentFiles::new(file, Default::default());
+        let mut files = DocumentFiles::new(file, std::collections::BTreeMap::default());
         let (started, wall) = (cpu(), Instant::now());
         let (mut workspace, document) = CharacterWorkspace::open(&mut files, &Run::default())?;
         workspace.changed(&document);
@@ -132,7 +134,7 @@ impl Bench {
         let joints = state["joints"].as_array().ok_or("no joints")?;
         bench.joints = joints.iter().filter_map(|joint| Some(joint["name"].as_str()?.to_owned())).collect();
         println!("{} joints, {} vertices", bench.joints.len(), state["mesh"]["vertices"]);
-        report("opening to rest", cpu() - started, Some(wall.elapsed()));
+        report("opening to rest", cpu().saturating_sub(started), Some(wall.elapsed()));
         Ok(bench)
     }
 
@@ -184,7 +186,7 @@ impl Bench {
             let started = cpu();
             self.edit(edit(f64::from(k) / f64::from(EDITS)))?;
             self.until(kind)?;
-            times.push(cpu() - started);
+            times.push(cpu().saturating_sub(started));
         }
         let worst = p95(&mut times);
         report(what, worst, None);
@@ -245,9 +247,9 @@ impl Bench {
             self.document = document.clone();
             self.workspace.changed(&self.document);
             let state = serde_json::to_string(&self.workspace.state(&self.document))?;
-            replies.push(cpu() - started);
+            replies.push(cpu().saturating_sub(started));
             self.settle()?;
-            pictures.push(cpu() - started);
+            pictures.push(cpu().saturating_sub(started));
             if state.is_empty() || (k % every == 0 && self.texts()? != expected[k / every]) {
                 return Err("undo gave another document".into());
             }

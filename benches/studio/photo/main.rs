@@ -7,6 +7,8 @@
 //! The photo is enlarged to 12 megapixels where it is smaller, its marks with it; `--megapixels N` takes another size. Sends the
 //! edits of a hand that drags to the workspace, as the session does, and reads what comes back.
 
+#![allow(clippy::print_stdout)] // a table of figures is its result
+
 use std::error::Error;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -85,12 +87,12 @@ struct Bench {
 
 impl Bench {
     fn open(file: &Path) -> Result<Self, Failure> {
-        let mut files = DocumentFiles::new(file, Default::default());
+        let mut files = DocumentFiles::new(file, std::collections::BTreeMap::default());
         let (started, wall) = (cpu(), Instant::now());
         let (mut workspace, document) = PhotoWorkspace::open(&mut files, &Run::default())?;
         let mut out = Outbox::default();
         workspace.greet(&document, &mut out);
-        report("opening to the source on the page", cpu() - started, Some(wall.elapsed()));
+        report("opening to the source on the page", cpu().saturating_sub(started), Some(wall.elapsed()));
         workspace.view(&document, View { size: Some(SCREEN), ..View::default() })?;
         Ok(Self { workspace, document, out })
     }
@@ -136,7 +138,7 @@ impl Bench {
             if state["result"]["exact"] == true {
                 return Err("a drag was solved exactly".into());
             }
-            times.push(cpu() - started);
+            times.push(cpu().saturating_sub(started));
             walls.push(wall.elapsed());
         }
         report("line drag, first update", times[0], Some(walls[0]));
@@ -149,7 +151,7 @@ impl Bench {
         let (started, wall) = (cpu(), Instant::now());
         while self.workspace.work(&self.document, &mut self.out, &Run::default())? == Work::More {}
         let state = serde_json::to_value(self.workspace.state(&self.document))?;
-        report("to rest", cpu() - started, Some(wall.elapsed()));
+        report("to rest", cpu().saturating_sub(started), Some(wall.elapsed()));
         if state["result"]["exact"] != true {
             return Err(format!("no exact result: {}", state["problem"]).into());
         }

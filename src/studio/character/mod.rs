@@ -1,8 +1,8 @@
 //! The character workspace: a skeleton found or made by hand, weights, poses, movements.
 //!
-//! The document ([`document`]) has what the files say; edits ([`edit`]) are functions of it. What takes long (extraction, weights) is
-//! computed in slices and kept by what it was computed from ([`rig`]). The pose is found by the call of the stage `character.pose`
-//! ([`solve`]), so that a saved document, run, gives the surface that was shown.
+//! The document ([`document`]) has what the files say; edits (`edit`) are functions of it. What takes long (extraction, weights) is
+//! computed in slices and kept by what it was computed from (`rig`). The pose is found by the call of the stage `character.pose`
+//! (`solve`), so that a saved document, run, gives the surface that was shown.
 
 pub mod document;
 mod edit;

@@ -1,8 +1,8 @@
 //! The photo workspace: lines, faces and a lens for a photo, and the rectified picture beside it.
 //!
-//! The document is the pipeline file with its files of marks ([`document`]); everything else is computed from it and the photo. After
-//! an edit the map is solved quickly and drawn from a small copy ([`solver::Draft`]); at rest it is solved and sampled as the pipeline
-//! does. What is found in the photo (importance, faces, lines) is searched between the letters ([`analysis`]).
+//! The document is the pipeline file with its files of marks (`document`); everything else is computed from it and the photo. After
+//! an edit the map is solved quickly and drawn from a small copy (`solver::Draft`); at rest it is solved and sampled as the pipeline
+//! does. What is found in the photo (importance, faces, lines) is searched between the letters (`analysis`).
 
 mod analysis;
 mod ask;

@@ -1,6 +1,6 @@
 //! The server of the page: HTTP and WebSockets on the loopback interface.
 //!
-//! Who may talk to it is decided in [`guard`], before anything else; `docs/STUDIO-SECURITY.md` lists the threats and the rules.
+//! Who may talk to it is decided in `guard`, before anything else; `docs/STUDIO-SECURITY.md` lists the threats and the rules.
 
 mod api;
 mod assets;

@@ -1,7 +1,7 @@
 //! A document on a thread of its own, and the windows that look at it.
 //!
-//! The thread takes letters one after another and works in slices between them ([`thread`]); what it sends waits in a queue per
-//! window ([`window`]). A [`Document`] is the handle: it does not depend on the workspace.
+//! The thread takes letters one after another and works in slices between them (`thread`); what it sends waits in a queue per
+//! window (`window`). A [`Document`] is the handle: it does not depend on the workspace.
 
 mod mailbox;
 mod save;

@@ -69,7 +69,8 @@ const KICK: &str = r#"{"format": "plumbline.skeleton", "version": 1, "joints": [
 #[test]
 fn rotations_of_clips_are_w_x_y_z_of_any_length() {
     let file = SkeletonFile::parse(KICK).expect("valid");
-    let pose = file.clips[0].pose(&file.skeleton, 0.5, crate::character::Extrapolation::default()).expect("of this skeleton");
+    let pose =
+        file.clips[0].pose(&file.skeleton, 0.5, crate::character::Extrapolation::default()).expect("of this skeleton");
     let expected = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 2.0 * 0.6_f64.asin());
     assert!(pose.locals[0].rotation.angle_to(&expected) < 1e-12, "{}", pose.locals[0].rotation);
 }
