@@ -257,12 +257,19 @@ fn open_choice(
         warnings.add(format!("{encoder} encodes {pix}: {lost}"))?;
     }
     let surface = Surface::new(&choice, video)?;
-    let mut settings = settings(&choice, video, surface.color(), options)?;
-    settings.global_header = format.wants_global_header();
+    let open = || -> Result<Result<Encoder, av::AvError>, MediaError> {
+        let mut settings = settings(&choice, video, surface.color(), options)?;
+        settings.global_header = format.wants_global_header();
+        Ok(Encoder::open(choice.encoder, settings))
+    };
     let summary = format!("{} in {}", describe(video.width, video.height, video.format), choice.pix.name());
     av::log::forget();
-    let encoder = Encoder::open(choice.encoder, settings)
-        .map_err(|e| MediaError::encoder_refused(&choice.encoder.name(), &summary, &reason(e)))?;
+    // A library that gives no reason may have lacked a thread for a moment: what is wrong with the settings is refused again.
+    let encoder = match open()? {
+        Err(av::AvError::EXTERNAL) => open()?,
+        first => first,
+    };
+    let encoder = encoder.map_err(|e| MediaError::encoder_refused(&choice.encoder.name(), &summary, &reason(e)))?;
     Ok((choice, encoder, surface))
 }
 

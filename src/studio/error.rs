@@ -33,6 +33,9 @@ pub enum StudioError {
     /// Something that the machine does not have: a port, a folder, a thread.
     #[error("{0}")]
     Environment(String),
+    /// What is asked for is still being computed: the same is possible soon.
+    #[error("{0}")]
+    NotReady(&'static str),
     /// A newer letter waits, or the program ends: no fault.
     #[error(transparent)]
     Stopped(#[from] Stopped),

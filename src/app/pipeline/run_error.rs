@@ -236,7 +236,8 @@ mod tests {
         for error in all {
             let text = error.to_string();
             assert_eq!(error.exit(), Exit::Temporary, "{text}");
-            assert!(text.contains("out of memory for the factor of 7 unknowns (out of memory"), "{text}");
+            assert!(text.contains("out of memory for the factor of 7 unknowns"), "{text}");
+            assert!(text.ends_with(&format!("({})", Shortage(Resource::Memory))), "{text}");
         }
         let other = RunError::from(SurfaceError::Solve(SparseError::Pivot { unknown: 7 }));
         assert_eq!(other.exit(), Exit::Input, "{other}");

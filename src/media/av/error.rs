@@ -15,6 +15,8 @@ impl AvError {
     pub(crate) const EOF: Self = Self(ffi::AVERROR_EOF);
     /// The bytes are not what they claim to be.
     pub(crate) const INVALID_DATA: Self = Self(ffi::AVERROR_INVALIDDATA);
+    /// A library behind FFmpeg failed and gave no reason.
+    pub(crate) const EXTERNAL: Self = Self(ffi::AVERROR_EXTERNAL);
     /// Out of memory.
     pub(crate) const NO_MEMORY: Self = Self(ffi::AVERROR(libc::ENOMEM));
     /// No decoder, encoder, muxer or protocol of that name.

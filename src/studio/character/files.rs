@@ -76,6 +76,10 @@ fn mesh_beside(files: &DocumentFiles) -> Option<PathBuf> {
 /// Reads the document of a pipeline and its model.
 pub(super) fn open(files: &DocumentFiles, pipeline: PipelineText, model: Model) -> Result<Opened, StudioError> {
     let settings = pipeline.settings().clone();
+    if settings.model.is_some() {
+        let why = "follows a trained model (`model`), which the studio cannot show yet".to_owned();
+        return Err(StudioError::Input { path: pipeline.path().to_owned(), why });
+    }
     let method = settings.skinning.method().unwrap_or_default();
     let options = WeightOptions { method: settings.binding, ..WeightOptions::default() };
     let mut document = CharacterDocument {

@@ -288,7 +288,7 @@ impl CharacterWorkspace {
 }
 
 fn not_ready() -> StudioError {
-    StudioError::request("skeleton and weights are not ready yet")
+    StudioError::NotReady("skeleton and weights are still being computed")
 }
 
 impl Workspace for CharacterWorkspace {
@@ -349,8 +349,10 @@ impl Workspace for CharacterWorkspace {
             self.plays = self.tab() == Tab::Animate;
         }
         if let Some(tab) = view.tab {
+            if tab != self.tab() {
+                self.plays = tab == Tab::Animate;
+            }
             (self.view.tab, self.view.joint) = (Some(tab), view.joint);
-            self.plays = tab == Tab::Animate;
             self.stale.heat = true;
         }
         if view.onion.is_some() {

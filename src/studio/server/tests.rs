@@ -125,6 +125,13 @@ fn files_outside_the_folders_are_refused_also_through_links() {
         assert!([404, 422].contains(&answer.status), "{path}: {} {}", answer.status, answer.json());
         assert!(!answer.json().to_string().contains('9'), "{path}: {}", answer.json());
     }
+    // The file of a character that is begun need not be there, but its folder must be one of ours.
+    for path in
+        ["../new.character.toml", "/etc/new.character.toml", "up/new.character.toml", "below/../../new.character.toml"]
+    {
+        let answer = server.post("/api/open", &json!({ "path": path }));
+        assert_eq!(answer.status, 404, "{path}: {}", answer.json());
+    }
     for folder in ["..", "/", "/etc", "up", "below/../.."] {
         assert_eq!(server.get(&format!("/api/files?folder={folder}")).status, 404, "{folder}");
     }

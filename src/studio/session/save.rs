@@ -164,6 +164,7 @@ impl<W: Workspace> Session<W> {
         });
         match kept {
             Ok(()) => (self.timers.kept, self.timers.failed) = (true, false),
+            Err(StudioError::NotReady(_)) => self.timers.changed(),
             Err(error) if !self.timers.failed => {
                 self.timers.failed = true;
                 self.broadcast(&notice(Level::Error, format!("unsaved changes cannot be kept for a crash: {error}")));

@@ -196,3 +196,31 @@ fn a_character_is_begun_for_a_mesh_by_the_name_of_its_pipeline_file() {
     let mut files = DocumentFiles::new(opened.path("none.character.toml"), std::collections::BTreeMap::default());
     assert!(CharacterWorkspace::open(&mut files, &Run::default()).is_err());
 }
+
+#[test]
+fn a_document_whose_skeleton_is_still_sought_says_so_and_is_saved_afterwards() {
+    let mut opened = Opened::bar();
+    let state = opened.state();
+    let options = serde_json::to_value(state.extraction.options).unwrap();
+    let edit = serde_json::from_value(json!({"do": "extract", "options": options})).unwrap();
+    opened.document = opened.workspace.edit(&opened.document, edit).unwrap().document;
+    opened.workspace.changed(&opened.document);
+    let refused = opened.workspace.save(&opened.document, &mut opened.files);
+    assert!(matches!(refused, Err(StudioError::NotReady(_))), "{refused:?}");
+    opened.rest();
+    opened.save();
+    assert!(opened.path("bar.skeleton.json").exists() && !opened.state().joints.is_empty());
+}
+
+#[test]
+fn a_pipeline_with_a_trained_model_is_refused_rather_than_changed() {
+    let opened = Opened::person();
+    let path = opened.path("trained.character.toml");
+    let text = opened.document.pipeline.text();
+    let text =
+        text.replace("\"character.pose\"", "\"character.pose\"\nskinning = \"regression\"\nmodel = \"person.skin\"");
+    std::fs::write(&path, text).unwrap();
+    let mut files = DocumentFiles::new(path, std::collections::BTreeMap::default());
+    let error = CharacterWorkspace::open(&mut files, &Run::default()).map(drop).expect_err("a model").to_string();
+    assert!(error.contains("trained model"), "{error}");
+}
