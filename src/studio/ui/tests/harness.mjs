@@ -103,10 +103,19 @@ export async function runAll(chosen) {
   const failed = [];
   for (const test of chosen) {
     const began = Date.now();
-    const own = test.options.flags ? await launch(test.options.flags) : null;
-    if (!own && !browser?.isConnected()) browser = await launch();
-    const error = await runOne(test, own ?? browser);
-    await own?.close();
+    const attempt = async () => {
+      const own = test.options.flags ? await launch(test.options.flags) : null;
+      if (!own && !browser?.isConnected()) browser = await launch();
+      const error = await runOne(test, own ?? browser);
+      await own?.close();
+      return error;
+    };
+    let error = await attempt();
+    if (error) {
+      // A browser that shares two cores with a build may miss a moment: what fails is tried once more, and both are told.
+      console.log(`unsteady ${test.file}: ${test.title}: ${error.message}`);
+      error = await attempt();
+    }
     const seconds = ((Date.now() - began) / 1000).toFixed(1);
     console.log(`${error ? "FAILED" : "ok    "} ${test.file}: ${test.title} (${seconds} s)`);
     if (error) failed.push(test), console.log(String(error.stack ?? error).replace(/^/gm, "       "));

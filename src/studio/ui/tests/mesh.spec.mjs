@@ -209,14 +209,18 @@ test("the keyboard alone bends a tower", { timeout: 120_000 }, async (context) =
     await page.keyboard.type(text);
     await page.keyboard.press("Enter");
   };
+  // What is typed is selected once the program has answered.
+  const selected = () => until(async () => (await page.getByText(`${made.ring} of ${made.ring * (made.levels + 1)} vertices`).count()) > 0, "the ring to be selected");
   await tabTo(vertices, "the list of vertices");
   await fill(`0-${made.ring - 1}`);
+  await selected();
   await page.getByRole("application", { name: /3D view/ }).focus();
   await page.keyboard.press("f");
   await until(async () => (await handles(page).getByRole("option").count()) === 1, "the fixed handle");
   const last = made.ring * (made.levels + 1) - 1;
   await tabTo(vertices, "the list of vertices");
   await fill(`${last - made.ring + 1}-${last}`);
+  await selected();
   await page.getByRole("application", { name: /3D view/ }).focus();
   await page.keyboard.press("h");
   await until(async () => (await handles(page).getByRole("option").count()) === 2, "the rigid handle");
