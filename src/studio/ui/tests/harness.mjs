@@ -111,8 +111,8 @@ export async function runAll(chosen) {
       return error;
     };
     let error = await attempt();
-    if (error) {
-      // A browser that shares two cores with a build may miss a moment: what fails is tried once more, and both are told.
+    // A browser that shares two cores with the program may miss a moment: what fails is tried again, and each failure is told.
+    for (let again = 0; error && again < 2; again++) {
       console.log(`unsteady ${test.file}: ${test.title}: ${error.message}`);
       error = await attempt();
     }

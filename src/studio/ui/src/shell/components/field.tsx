@@ -124,8 +124,13 @@ function useNumberText({ value, onChange, min = -Infinity, max = Infinity, step 
 export function TextField(props: { label: string; value: string; onChange: (value: string) => void; disabled?: boolean; placeholder?: string }) {
   const id = useId();
   const input = useRef<HTMLInputElement>(null);
-  useEffect(() => { if (input.current) input.current.value = props.value; }, [props.value]);
-  const commit = () => { if (input.current && input.current.value !== props.value) props.onChange(input.current.value); };
+  // What is being typed stays where the value changes meanwhile.
+  const typing = useRef(false);
+  useEffect(() => { if (input.current && !typing.current) input.current.value = props.value; }, [props.value]);
+  const commit = () => {
+    typing.current = false;
+    if (input.current && input.current.value !== props.value) props.onChange(input.current.value);
+  };
   return (
     <div class="field">
       <label class="field-label" for={id}>{props.label}</label>
@@ -136,10 +141,14 @@ export function TextField(props: { label: string; value: string; onChange: (valu
         spellcheck={false}
         placeholder={props.placeholder}
         disabled={props.disabled}
+        onInput={() => (typing.current = true)}
         onBlur={commit}
         onKeyDown={(event) => {
           if (event.key === "Enter") commit();
-          if (event.key === "Escape" && input.current) input.current.value = props.value;
+          if (event.key === "Escape" && input.current) {
+            typing.current = false;
+            input.current.value = props.value;
+          }
         }}
       />
     </div>
