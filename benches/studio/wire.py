@@ -165,7 +165,7 @@ def drags(studio, low, high):
         number = studio.number
         studio.until(lambda m: isinstance(m, tuple) and m[0] == POSITIONS and m[1] >= number)
         times.append(1e3 * (time.monotonic() - started))
-        studio.call({"seal": True})
+    studio.call({"seal": True})
     return (cpu_ms(studio.process.pid) - began) / DRAGS, p95(times)
 
 
