@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::super::document::{CharacterDocument, ClipDocument, NamedCurve, Offsets, SAME_TIME, Unkeyed};
+use super::super::document::{CharacterDocument, ClipDocument, NamedCurve, Offsets, SAME_TIME};
 use super::super::files::{POSE, UNKEYED};
 use super::super::message::{Edit, InterpolationKind};
 use super::super::solve;
@@ -35,21 +35,18 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
         Edit::RunWrites { frames } => run_writes(document, frames),
         Edit::Key { joints, time } => {
             let skeleton = around.skeleton(document)?;
-            key(document, &joints, time, &around.pose(&skeleton), &skeleton)
+            let elsewhere = around.time.is_some_and(|shown| (shown - time).abs() >= SAME_TIME);
+            let pose = match document.shown_clip().filter(|_| elsewhere) {
+                Some(clip) => solve::clip_pose(&skeleton, clip, time)?,
+                None => around.pose(&skeleton),
+            };
+            key(document, &joints, time, &pose, &skeleton)
         }
-        Edit::KeyUnkeyed { time } => {
-            let (skeleton, unkeyed) = (around.skeleton(document)?, unkeyed(document, time)?);
-            let joints: Vec<u32> = unkeyed.joints.keys().filter_map(|name| skeleton.find(name)).collect();
-            let pose = document.shown_clip().map(|clip| solve::clip_pose(&skeleton, clip, time));
-            key(document, &joints, time, &pose.unwrap_or_else(|| Ok(skeleton.rest_pose()))?, &skeleton)
-        }
-        Edit::DiscardUnkeyed { time } => {
-            unkeyed(document, time)?;
-            with_clip(document, "Discard what is not keyed", |clip| {
-                clip.set_unkeyed(time, Offsets::new());
-                Ok(())
-            })
-        }
+        Edit::KeyUnkeyed { time } => key_unkeyed(document, time, &*around.skeleton(document)?),
+        Edit::DiscardUnkeyed { time } => with_clip(document, "Discard what is not keyed", |clip| {
+            clip.set_unkeyed(time, Offsets::new());
+            Ok(())
+        }),
         Edit::SetKey { joint: j, time, rotation: q } => {
             let skeleton = around.skeleton(document)?;
             let own = joint(&skeleton, j)?;
@@ -154,10 +151,12 @@ fn run_writes(document: &CharacterDocument, frames: Option<u32>) -> Edited {
     Ok(Step::new(CharacterDocument { pipeline, ..document.clone() }, label))
 }
 
-/// What is not keyed at a time of the clip that is shown.
-fn unkeyed(document: &CharacterDocument, time: f64) -> Result<&Unkeyed, StudioError> {
-    let found = document.shown_clip().and_then(|clip| clip.unkeyed_at(time));
-    found.ok_or_else(|| StudioError::request(format!("everything is keyed at {time} s")))
+/// What is not keyed at a time becomes keys; the same document where everything is.
+fn key_unkeyed(document: &CharacterDocument, time: f64, skeleton: &Skeleton) -> Edited {
+    let found = document.shown_clip().and_then(|clip| Some((clip, clip.unkeyed_at(time)?)));
+    let Some((clip, unkeyed)) = found else { return Ok(Step::new(document.clone(), "Key the pose")) };
+    let joints: Vec<u32> = unkeyed.joints.keys().filter_map(|name| skeleton.find(name)).collect();
+    key(document, &joints, time, &solve::clip_pose(skeleton, clip, time)?, skeleton)
 }
 
 /// The document with the shown clip changed.

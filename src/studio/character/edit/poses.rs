@@ -184,16 +184,22 @@ impl Posing<'_> {
         self.skeleton.globals(pose).map_err(refused)
     }
 
-    /// The limb follows the hand; what is pinned stays.
+    /// The limb follows the hand, the character its root; what is pinned stays.
     fn drag(&self, j: u32, point: Point3<f64>, to: Point3<f64>) -> Edited {
-        joint(self.skeleton, j)?;
+        let is_root = joint(self.skeleton, j)?.parent.is_none();
         let mut all = targets(self.skeleton, &self.document.pose);
         // A pin of the joint that is dragged gives way.
         all.retain(|t| t.joint != j || !matches!(t.goal, Goal::Position { .. }));
         let chain = limb_chain(self.skeleton, j);
-        all.push(Target { joint: j, goal: Goal::Position { point, at: to }, weight: 1.0, chain });
+        let mut start = self.shown.clone();
+        if is_root {
+            let at = self.globals(&start)?[j as usize].transform_point(&point);
+            start.locals[j as usize].translation += to - at;
+        } else {
+            all.push(Target { joint: j, goal: Goal::Position { point, at: to }, weight: 1.0, chain });
+        }
         let options = options(self.skeleton, self.document);
-        let found = solve(self.skeleton, &self.shown, &all, &options, &Run::default()).map_err(refused)?;
+        let found = solve(self.skeleton, &start, &all, &options, &Run::default()).map_err(refused)?;
         Ok(self.posed(&found.pose, format!("Drag {}", self.name(j)?))?.merged(self.key("drag", j)))
     }
 
@@ -213,7 +219,9 @@ impl Posing<'_> {
             goals.push(Goal::Orientation(frame.rotation));
         }
         self.with_targets(format!("Pin {name}"), |all| {
-            let pins = goals.iter().map(|goal| Target { joint: j, goal: goal.clone(), weight: 1.0, chain: None });
+            // The limb makes up for what moves the body.
+            let chain = limb_chain(self.skeleton, j);
+            let pins = goals.iter().map(|goal| Target { joint: j, goal: goal.clone(), weight: 1.0, chain });
             all.extend(pins.map(|t| NamedTarget::of(self.skeleton, t)));
             Ok(())
         })

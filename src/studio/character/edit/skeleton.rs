@@ -307,8 +307,12 @@ fn import_model(document: &CharacterDocument, path: &Path, name: String, around:
     Ok(Step::new(CharacterDocument { model, ..document.clone() }, label))
 }
 
+/// A chosen file is in a folder that the user does not know: its name says which it is.
 fn unreadable(path: &Path, why: &dyn std::fmt::Display) -> StudioError {
-    StudioError::Input { path: path.to_owned(), why: why.to_string() }
+    let (whole, name) = (path.display().to_string(), path.file_name().unwrap_or_default().to_string_lossy());
+    let why = why.to_string();
+    let why = why.strip_prefix(&format!("{whole}: ")).unwrap_or(&why);
+    StudioError::Request(format!("{name}: {why}"))
 }
 
 /// Adds the clips of a rig; the last one is shown.

@@ -50,7 +50,9 @@ fn a_pose_that_is_not_keyed_stays_at_its_time_until_it_is_keyed_or_discarded() {
     assert!(state.unkeyed.is_empty());
     assert!((again.position("foot.R") - posed).norm() < 1e-9);
     assert_eq!(state.tracks.iter().find(|t| t.joint == leg).unwrap().times, [0.5]);
-    assert!(again.edit(json!({"do": "key_unkeyed", "time": 0.5})).is_err());
+    let keyed = again.document.clone();
+    again.edit(json!({"do": "key_unkeyed", "time": 0.5})).unwrap();
+    assert!(again.document == keyed, "everything is keyed");
 }
 
 #[test]
@@ -85,6 +87,20 @@ fn edits_that_come_before_the_next_picture_add_up() {
         opened.workspace.changed(&opened.document);
     }
     assert_eq!(opened.document.pose.joints.len(), 2);
+}
+
+#[test]
+fn the_character_follows_its_root_and_what_is_pinned_stays() {
+    let mut opened = Opened::person();
+    let (hips, foot) = (opened.joint("hips"), opened.joint("foot.L"));
+    opened.edit(json!({"do": "pin", "joint": foot, "orientation": false})).unwrap();
+    let (at, foot, hand) = (opened.position("hips"), opened.position("foot.L"), opened.position("hand.R"));
+    let by = nalgebra::Vector3::new(0.02, -0.1, 0.05);
+    let to = at + by;
+    opened.edit(json!({"do": "drag", "joint": hips, "point": [0, 0, 0], "to": [to.x, to.y, to.z]})).unwrap();
+    assert!((opened.position("hips") - to).norm() < 1e-9);
+    assert!((opened.position("hand.R") - hand - by).norm() < 1e-9, "the rest of the body goes along");
+    assert!((opened.position("foot.L") - foot).norm() < 1e-4, "the foot is pinned");
 }
 
 #[test]
