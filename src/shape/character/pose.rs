@@ -56,12 +56,8 @@ impl Pose {
             let (own, parent) = (image[j], above(j, &world));
             local.rotation = parent.inverse() * world(j);
             let shift = self.locals[own].translation - joints[own].rest.translation;
-            if shift != Vector3::zeros() {
-                let shift = parent.inverse() * reflect(above(own, &|p| now[p]) * shift);
-                local.translation = joints[j].rest.translation + shift;
-            } else {
-                local.translation = joints[j].rest.translation;
-            }
+            let shift = parent.inverse() * reflect(above(own, &|p| now[p]) * shift);
+            local.translation = joints[j].rest.translation + shift;
         }
         Ok(within_limits(skeleton, &mirrored))
     }

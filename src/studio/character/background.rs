@@ -143,13 +143,18 @@ impl<K, T: Send + 'static> Job<K, T> {
 mod tests {
     use super::*;
 
+    fn a_moment() {
+        let (_sender, never) = channel::<()>();
+        let _ = never.recv_timeout(Duration::from_millis(1));
+    }
+
     fn result(background: &mut Background<u32, u32>, key: u32, count: &Arc<AtomicU64>) -> u32 {
         loop {
             let count = Arc::clone(count);
             let slow = move |run: &Run| {
                 count.fetch_add(1, Ordering::Relaxed);
                 for k in 0..300 {
-                    std::thread::sleep(Duration::from_millis(1));
+                    a_moment();
                     run.step(f64::from(k) / 300.0)?;
                 }
                 Ok(key)
@@ -180,7 +185,7 @@ mod tests {
         let seen = Arc::clone(&stopped);
         let forever = move |run: &Run| {
             while run.check().is_ok() {
-                std::thread::sleep(Duration::from_millis(1));
+                a_moment();
             }
             seen.store(1, Ordering::Relaxed);
             Ok(())

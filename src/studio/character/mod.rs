@@ -287,7 +287,7 @@ impl CharacterWorkspace {
             return Ok(Computed::Failed);
         }
         Ok(self.rigs.weigh(&document.weights, &skeleton, run)?.map(|notices| {
-            notices.into_iter().for_each(|text| out.notice(text));
+            out.notices.extend(notices);
             self.stale = Stale { skeleton: self.stale.skeleton, ..Stale::ALL };
         }))
     }

@@ -258,16 +258,13 @@ impl Rigs {
     ) -> Result<Vec<Point3<f64>>, StudioError> {
         let matrices = of.skin.joint_matrices(globals).map_err(fault)?;
         let library = METHODS.iter().find(|m| m.0 == of.method).map(|m| m.1);
-        let (skinned, weights) = match library {
-            Some(method) => {
-                let key = (Same(of.skin.clone()), of.method);
-                let make = || Skinner::new(&self.mesh, None, of.skeleton, of.skin, method, run).map_err(fault);
-                (self.skinners.made(key, make)?.positions(&matrices), of.weights.clone())
-            }
-            None => {
-                let bound = self.bound(of, run)?;
-                (locked(&bound.skin).positions(&matrices), bound.weights.clone())
-            }
+        let (skinned, weights) = if let Some(method) = library {
+            let key = (Same(of.skin.clone()), of.method);
+            let make = || Skinner::new(&self.mesh, None, of.skeleton, of.skin, method, run).map_err(fault);
+            (self.skinners.made(key, make)?.positions(&matrices), of.weights.clone())
+        } else {
+            let bound = self.bound(of, run)?;
+            (locked(&bound.skin).positions(&matrices), bound.weights.clone())
         };
         let skinned = skinned.map_err(fault)?;
         let Some(hold) = of.details else { return Ok(skinned) };
