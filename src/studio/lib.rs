@@ -24,5 +24,6 @@ pub mod registry;
 pub mod secret;
 pub mod server;
 pub mod session;
+mod tar;
 mod watched;
 pub mod workspace;

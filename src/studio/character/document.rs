@@ -4,6 +4,7 @@
 //! extracted skeleton, computed weights) is not in the document, but how it is computed: the result is found again after undo.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -12,6 +13,7 @@ use super::message::{Ends, ExtractionOptions, SkinningMethod};
 use super::pipeline_text::PipelineText;
 use plumbline_num::math::Trs;
 use plumbline_shape::character::ik::{Goal, Target};
+use plumbline_shape::character::regression::SkinModel;
 use plumbline_shape::character::weights::WeightOptions;
 use plumbline_shape::character::{Curve, Pose, Skeleton, SkinWeights};
 
@@ -27,9 +29,13 @@ pub struct Offset {
 impl Offset {
     /// Of a transform from rest; `None` where it is at rest.
     pub fn of(rest: &Trs, local: &Trs) -> Option<Self> {
-        let (rotation, translation) = (rest.rotation.inverse() * local.rotation, local.translation - rest.translation);
-        let moves = local.rotation != rest.rotation || translation != Vector3::zeros();
-        moves.then_some(Self { rotation, translation })
+        let moves = local.rotation != rest.rotation || local.translation != rest.translation;
+        moves.then(|| Self::between(rest, local))
+    }
+
+    /// Of a transform from rest.
+    pub fn between(rest: &Trs, local: &Trs) -> Self {
+        Self { rotation: rest.rotation.inverse() * local.rotation, translation: local.translation - rest.translation }
     }
 
     /// The transform.
@@ -53,8 +59,32 @@ pub fn offsets(skeleton: &Skeleton, pose: &Pose) -> Offsets {
 
 /// The pose of offsets; names that the skeleton lacks are passed over.
 pub fn pose_of(skeleton: &Skeleton, offsets: &Offsets) -> Pose {
-    let local = |j: &plumbline_shape::character::Joint| offsets.get(&j.name).map_or(j.rest, |o| o.apply(&j.rest));
-    Pose { locals: skeleton.joints().iter().map(local).collect() }
+    with_offsets(skeleton, skeleton.rest_pose(), offsets)
+}
+
+/// A pose with other offsets of some joints.
+pub fn with_offsets(skeleton: &Skeleton, mut pose: Pose, offsets: &Offsets) -> Pose {
+    for (joint, local) in skeleton.joints().iter().zip(&mut pose.locals) {
+        if let Some(offset) = offsets.get(&joint.name) {
+            *local = offset.apply(&joint.rest);
+        }
+    }
+    pose
+}
+
+/// Offsets from rest of the joints in which a pose differs from another one.
+pub fn differing(skeleton: &Skeleton, pose: &Pose, from: &Pose) -> Offsets {
+    /// Rotations nearer than this, rad, and translations relative to their lengths are the same but for rounding.
+    const SAME: f64 = 1e-9;
+    let differs = |a: &Trs, b: &Trs| {
+        let far = (a.translation - b.translation).norm() > SAME * (1.0 + b.translation.norm());
+        far || a.rotation.angle_to(&b.rotation) > SAME
+    };
+    let joints = skeleton.joints().iter().zip(pose.locals.iter().zip(&from.locals));
+    joints
+        .filter(|(_, (a, b))| differs(a, b))
+        .map(|(j, (a, _))| (j.name.clone(), Offset::between(&j.rest, a)))
+        .collect()
 }
 
 /// Where the skeleton comes from.
@@ -78,7 +108,43 @@ pub struct Finding {
     /// Ends that stay.
     pub ends: Option<Ends>,
     /// The template that is fitted.
-    pub template: Option<String>,
+    pub template: Option<Arc<Template>>,
+}
+
+/// A skeleton that is fitted to a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Template {
+    /// What it is called.
+    pub name: String,
+    /// Its joints.
+    pub skeleton: Skeleton,
+}
+
+/// A shared value, the same only where it is the very one.
+#[derive(Debug)]
+pub struct Same<T>(pub Arc<T>);
+
+impl<T> Clone for Same<T> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<T> PartialEq for Same<T> {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+/// A skin that was trained on example poses.
+#[derive(Debug)]
+pub struct Trained {
+    /// The file that it was read from beside the document; none where it was imported.
+    pub file: Option<PathBuf>,
+    /// What it is called.
+    pub name: String,
+    /// The model.
+    pub model: SkinModel,
 }
 
 /// Where the weights come from.
@@ -159,6 +225,36 @@ pub struct ClipDocument {
     pub name: String,
     /// Curves, at most one of a kind per joint.
     pub curves: Vec<Arc<NamedCurve>>,
+    /// Poses that are not keyed, each at its time.
+    pub unkeyed: Vec<Unkeyed>,
+}
+
+/// A pose at a time of a clip that is not among its keys: the clip is posed so at this time, and its curves do not go through it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unkeyed {
+    /// The time, s.
+    pub time: f64,
+    /// Joints that differ from the keys.
+    pub joints: Offsets,
+}
+
+/// Times nearer than this are one, s: a hundredth of a frame.
+pub const SAME_TIME: f64 = 1e-4;
+
+impl ClipDocument {
+    /// What is not keyed at a time.
+    pub fn unkeyed_at(&self, time: f64) -> Option<&Unkeyed> {
+        self.unkeyed.iter().find(|pose| (pose.time - time).abs() < SAME_TIME)
+    }
+
+    /// The same with other joints that are not keyed at a time.
+    pub fn set_unkeyed(&mut self, time: f64, joints: Offsets) {
+        self.unkeyed.retain(|pose| (pose.time - time).abs() >= SAME_TIME);
+        if !joints.is_empty() {
+            let at = self.unkeyed.partition_point(|pose| pose.time < time);
+            self.unkeyed.insert(at, Unkeyed { time, joints });
+        }
+    }
 }
 
 /// What the files of a character say.
@@ -182,6 +278,8 @@ pub struct CharacterDocument {
     pub clip: Option<String>,
     /// How the surface follows.
     pub skinning: SkinningMethod,
+    /// The trained skin.
+    pub model: Option<Same<Trained>>,
 }
 
 impl CharacterDocument {

@@ -9,14 +9,14 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 
-use super::document::{CharacterDocument, Finding, SkeletonSource};
+use super::document::{CharacterDocument, Finding, SkeletonSource, Template};
 use super::message::{Edit, Q4, SkinningMethod, V3};
-use super::rig::{Rigs, TEMPLATES, fault};
+use super::rig::{Rigs, fault};
 use crate::error::StudioError;
 use crate::files::DocumentFiles;
 use crate::workspace::Step;
 use plumbline_shape::character::{Pose, Skeleton, SkinWeights};
-use plumbline_shape::mesh::TriMesh;
+use plumbline_shape::mesh::{Model, TriMesh};
 
 /// Maximum length of names, bytes.
 const MAX_NAME: usize = 200;
@@ -29,8 +29,11 @@ pub(super) struct Around<'a> {
     pub(super) neighbors: &'a [Vec<u32>],
     pub(super) rigs: &'a mut Rigs,
     pub(super) files: &'a DocumentFiles,
+    pub(super) model: &'a Model,
     /// The pose that is shown, where there is a skeleton.
-    pub(super) shown: Option<&'a Pose>,
+    pub(super) shown: Option<Pose>,
+    /// The time in the clip, where the pose of one is shown.
+    pub(super) time: Option<f64>,
 }
 
 impl Around<'_> {
@@ -52,29 +55,12 @@ impl Around<'_> {
 
     fn pose(&self, skeleton: &Skeleton) -> Pose {
         let fits = |pose: &&Pose| pose.locals.len() == skeleton.joint_count();
-        self.shown.filter(fits).cloned().unwrap_or_else(|| skeleton.rest_pose())
+        self.shown.as_ref().filter(fits).cloned().unwrap_or_else(|| skeleton.rest_pose())
     }
 }
 
 pub(super) use clips::from_rest;
 pub(super) use skeleton::add_clips;
-
-/// Whether the pose of the clip is shown after an edit; `None`: as before.
-pub(super) fn shows_clip(edit: &Edit) -> Option<bool> {
-    use Edit as E;
-    match edit {
-        E::Rotate { .. }
-        | E::Drag { .. }
-        | E::Translate { .. }
-        | E::ResetPose { .. }
-        | E::MirrorPose
-        | E::ApplyPose { .. } => Some(false),
-        E::Key { .. } | E::SetKey { .. } | E::MoveKeys { .. } | E::RemoveKeys { .. } | E::SelectClip { .. } => {
-            Some(true)
-        }
-        _ => None,
-    }
-}
 
 type Edited = Result<Step<CharacterDocument>, StudioError>;
 
@@ -88,14 +74,8 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
         E::Extract { options, joints, ends } => {
             Ok(found(document, Finding { options, joints, ends, template: None }, "Extract the skeleton"))
         }
-        E::Template { name } => {
-            if !TEMPLATES.contains(&name.as_str()) {
-                super::rig::template(&name)?;
-            }
-            let label = format!("Fit the template {name}");
-            let finding = Finding { template: Some(name), ..(*document.finding).clone() };
-            Ok(found(document, finding, &label))
-        }
+        E::Template { name } => Ok(fitted(document, super::rig::template(&name)?)),
+        E::TemplateFile { path } => skeleton::template_file(document, &path, around),
         E::ComputeWeights { .. } | E::Paint { .. } | E::Influences { .. } => weights::apply(document, edit, around),
         E::Rotate { .. }
         | E::Drag { .. }
@@ -106,21 +86,53 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
         | E::RemoveTarget { .. }
         | E::ResetPose { .. }
         | E::MirrorPose
+        | E::PastePose { .. }
+        | E::TakePose
+        | E::Lock { .. }
         | E::BakePose
         | E::StorePose { .. }
         | E::ApplyPose { .. }
         | E::RemovePose { .. } => poses::apply(document, edit, around),
-        E::Skinning { method } => skinning(document, method),
+        E::Skinning { method } => skinning(document, method, around),
         E::AddClip { .. }
         | E::RenameClip { .. }
         | E::RemoveClip { .. }
         | E::SelectClip { .. }
         | E::Key { .. }
+        | E::KeyUnkeyed { .. }
+        | E::DiscardUnkeyed { .. }
+        | E::RunWrites { .. }
         | E::SetKey { .. }
         | E::MoveKeys { .. }
         | E::RemoveKeys { .. }
         | E::Interpolation { .. } => clips::apply(document, edit, around),
-        other => skeleton::apply(document, other, around),
+        other => Ok(with_fitting_model(skeleton::apply(document, other, around)?, around)),
+    }
+}
+
+/// The skeleton of a template, fitted to the surface.
+pub(super) fn fitted(document: &CharacterDocument, template: Template) -> Step<CharacterDocument> {
+    let label = format!("Fit the template {}", template.name);
+    let finding = Finding { template: Some(Arc::new(template)), ..(*document.finding).clone() };
+    found(document, finding, &label)
+}
+
+/// The same without regression where the trained skin does not fit the skeleton any more.
+fn with_fitting_model(mut step: Step<CharacterDocument>, around: &Around<'_>) -> Step<CharacterDocument> {
+    let skeleton = around.rigs.skeleton(&step.document.skeleton);
+    let fits = skeleton.is_some_and(|s| model_fault(&step.document, around.mesh, &s).is_none());
+    if !fits && step.document.skinning == SkinningMethod::Regression {
+        step.document.skinning = SkinningMethod::DualQuaternion;
+        step.label.push_str("; the trained skin does not fit any more");
+    }
+    step
+}
+
+/// Why there is no trained skin for the mesh and a skeleton; none where there is.
+pub(super) fn model_fault(document: &CharacterDocument, mesh: &TriMesh, skeleton: &Skeleton) -> Option<String> {
+    match &document.model {
+        None => Some("there is no trained skin: import one (`plumbline skin train` makes them)".to_owned()),
+        Some(trained) => trained.0.model.check(mesh, skeleton).err().map(|e| e.to_string()),
     }
 }
 
@@ -128,14 +140,21 @@ fn found(document: &CharacterDocument, finding: Finding, label: &str) -> Step<Ch
     let finding = Arc::new(finding);
     let skeleton = SkeletonSource::Found(finding.clone());
     let weights = super::document::WeightSource::Computed(*document.weights.options());
-    Step::new(CharacterDocument { skeleton, finding, weights, ..document.clone() }, label)
+    // Whether a trained skin fits the joints that will be found is not known.
+    let skinning = match document.skinning {
+        SkinningMethod::Regression => SkinningMethod::DualQuaternion,
+        other => other,
+    };
+    Step::new(CharacterDocument { skeleton, finding, weights, skinning, ..document.clone() }, label)
 }
 
-fn skinning(document: &CharacterDocument, method: SkinningMethod) -> Edited {
+fn skinning(document: &CharacterDocument, method: SkinningMethod, around: &Around<'_>) -> Edited {
     if method == SkinningMethod::Regression {
-        return Err(StudioError::request(
-            "regression needs a trained model (`plumbline skin train`), named in the pipeline file",
-        ));
+        if let Some(fault) = model_fault(document, around.mesh, &*around.skeleton(document)?) {
+            return Err(StudioError::Request(fault));
+        }
+        // The stage refuses some settings together with a trained skin.
+        document.pipeline.with(&[("skinning", "regression".into()), ("model", "x.skin".into())])?;
     }
     let label = format!("Skinning: {}", serde_json::to_value(method).unwrap_or_default().as_str().unwrap_or_default());
     Ok(Step::new(CharacterDocument { skinning: method, ..document.clone() }, label))

@@ -185,6 +185,8 @@ pub enum Edit {
     },
     /// The skeleton of a template, fitted to the surface.
     Template { name: String },
+    /// The skeleton of a file, fitted to the surface.
+    TemplateFile { path: String },
     /// A joint in the middle of the volume that a ray enters.
     AddAlong {
         origin: V3,
@@ -247,6 +249,8 @@ pub enum Edit {
     Translate { joint: u32, translation: V3 },
     /// Pins a joint where it is, or lets it go.
     Pin { joint: u32, orientation: bool },
+    /// Joints that inverse kinematics does not rotate, or rotates again.
+    Lock { joints: Vec<u32>, locked: bool },
     /// Another target.
     AddTarget { target: Target },
     /// A target changes.
@@ -260,6 +264,15 @@ pub enum Edit {
     },
     /// Left and right of the pose are exchanged.
     MirrorPose,
+    /// The pose of the text of a pose file, for some joints or all.
+    PastePose {
+        text: String,
+        mirrored: bool,
+        #[cfg_attr(test, ts(optional = nullable))]
+        joints: Option<Vec<u32>>,
+    },
+    /// The pose of the clip that is shown becomes that of the document.
+    TakePose,
     /// The pose stays as it is without its targets.
     BakePose,
     /// The pose goes into the library.
@@ -280,6 +293,15 @@ pub enum Edit {
     SelectClip { name: String },
     /// The pose that is shown becomes keys.
     Key { joints: Vec<u32>, time: f64 },
+    /// What is not keyed at a time becomes keys.
+    KeyUnkeyed { time: f64 },
+    /// What is not keyed at a time goes.
+    DiscardUnkeyed { time: f64 },
+    /// A run of the saved file writes so many poses of the clip that is shown; none: the pose of the document.
+    RunWrites {
+        #[cfg_attr(test, ts(optional = nullable))]
+        frames: Option<u32>,
+    },
     /// One key, as a rotation from rest.
     SetKey { joint: u32, time: f64, rotation: Q4 },
     /// Keys (joint, time) move in time.
@@ -288,7 +310,7 @@ pub enum Edit {
     RemoveKeys { keys: Vec<(u32, f64)> },
     /// How the keys of joints, or of all, are joined.
     Interpolation { joints: Vec<u32>, kind: InterpolationKind },
-    /// Skeleton and movements of a file.
+    /// Skeleton and movements of a file, weights, or a trained skin.
     Import { path: String },
 }
 
@@ -349,6 +371,13 @@ pub enum Ask {
         /// Its format.
         format: Format,
     },
+    /// The surface in the poses of the clip that is shown, so many each second, as OBJ files in one archive.
+    ExportFrames {
+        /// Frames per second.
+        rate: f64,
+    },
+    /// The pose that is shown, as the text of a pose file.
+    CopyPose,
     /// The command line that does the same as the saved document.
     Command,
 }
@@ -373,6 +402,7 @@ pub struct JointState {
     pub name: String,
     pub parent: Option<u32>,
     pub limits: Option<Limits>,
+    pub locked: bool,
 }
 
 /// Keys of a joint: rotations from rest.
@@ -394,6 +424,8 @@ pub struct ExtractionState {
     pub options: ExtractionOptions,
     pub joints: Option<u32>,
     pub ends: Option<Ends>,
+    /// The fraction that is done of an extraction that runs.
+    pub running: Option<f64>,
     #[cfg_attr(test, ts(type = "Record<string, number> | null"))]
     pub report: Option<std::collections::BTreeMap<&'static str, usize>>,
 }
@@ -408,6 +440,8 @@ pub struct WeightsState {
     pub smooth: u32,
     /// Whether they were painted or read: other than computed.
     pub painted: u32,
+    /// The fraction that is done of a computation that runs.
+    pub running: Option<f64>,
 }
 
 /// A skinning method, measured in the pose.
@@ -420,6 +454,35 @@ pub struct Compared {
     pub volume: f64,
     /// Root mean square of relative changes of edge lengths.
     pub stretch: f64,
+}
+
+/// The trained skin.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[expect(missing_docs, reason = "named by what they are")]
+pub struct ModelState {
+    pub name: String,
+    /// Why it does not fit the mesh and the skeleton; none where it does.
+    pub fault: Option<String>,
+}
+
+/// A pose at a time of the clip that is not keyed.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[expect(missing_docs, reason = "named by what they are")]
+pub struct UnkeyedState {
+    pub time: f64,
+    pub joints: Vec<String>,
+}
+
+/// What a run of the saved file writes.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[expect(missing_docs, reason = "named by what they are")]
+pub struct RunState {
+    /// The clip; none: the pose.
+    pub clip: Option<String>,
+    pub frames: u32,
 }
 
 /// What the panels show.
@@ -440,6 +503,9 @@ pub struct State {
     pub clip: Option<String>,
     pub duration: f64,
     pub tracks: Vec<Track>,
+    pub unkeyed: Vec<UnkeyedState>,
+    pub run: RunState,
+    pub model: Option<ModelState>,
     pub compare: Vec<Compared>,
 }
 

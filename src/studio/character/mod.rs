@@ -1,11 +1,13 @@
 //! The character workspace: a skeleton found or made by hand, weights, poses, movements.
 //!
 //! The document ([`document`]) has what the files say; edits (`edit`) are functions of it. What takes long (extraction, weights) is
-//! computed in slices and kept by what it was computed from (`rig`). The pose is found by the call of the stage `character.pose`
+//! computed on threads of its own (`background`) and kept by what it was computed from (`rig`). The pose is found by the call of the stage `character.pose`
 //! (`solve`), so that a saved document, run, gives the surface that was shown.
 
+mod background;
 pub mod document;
 mod edit;
+mod export;
 mod files;
 pub mod message;
 pub mod pipeline_text;
@@ -23,15 +25,15 @@ use crate::error::StudioError;
 use crate::files::DocumentFiles;
 use crate::outbox::Outbox;
 use crate::workspace::{Answer, Step, Work, Workspace};
-use document::{CharacterDocument, SkeletonSource};
+use background::Computed;
+use document::{CharacterDocument, PoseDocument, SkeletonSource};
 use edit::Around;
-use message::{Ask, BufferKind, Compared, Format, METHODS, SkinningMethod, State, Tab, View};
+use message::{Ask, BufferKind, Compared, METHODS, SkinningMethod, State, Tab, View};
 use plumbline_num::run::Run;
 use plumbline_shape::character::{Pose, Skeleton, Skin, SkinWeights};
-use plumbline_shape::mesh::io::{WriteOptions, encode_model};
-use plumbline_shape::mesh::{MeshFormat, Model, ReadLimits, TriMesh, neighbors_of_vertices, read_model};
+use plumbline_shape::mesh::{Model, ReadLimits, TriMesh, neighbors_of_vertices, read_model};
 use plumbline_shape::surface::DistortionMetrics;
-use rig::{Rigs, fault};
+use rig::{Following, Rigs, fault};
 
 /// Bounds of a mesh that a browser can show.
 const MAX_MESH_BYTES: u64 = 2 << 30;
@@ -68,11 +70,21 @@ pub struct CharacterWorkspace {
     view: View,
     /// The pose of the clip is shown, not that of the document.
     plays: bool,
-    shown: Option<Pose>,
+    shown: Option<Shown>,
     drawn: Option<CharacterDocument>,
     compared: Vec<Compared>,
     stale: Stale,
     notices: Vec<String>,
+}
+
+/// A pose, and what it is shown of.
+#[derive(Debug)]
+struct Shown {
+    pose: Pose,
+    skeleton: Arc<Skeleton>,
+    of: Arc<PoseDocument>,
+    /// The time in the clip, where it is a pose of one.
+    time: Option<f64>,
 }
 
 /// What is known of a document: skeleton, weights, skin.
@@ -82,25 +94,57 @@ struct Known {
     skin: Arc<Skin>,
 }
 
+impl Known {
+    /// How the surface follows by a method.
+    fn following<'a>(&'a self, document: &'a CharacterDocument, method: SkinningMethod) -> Following<'a> {
+        Following {
+            skeleton: &self.skeleton,
+            skin: &self.skin,
+            weights: &self.weights,
+            method,
+            model: document.model.as_ref(),
+            details: document.pipeline.settings().details,
+        }
+    }
+}
+
 impl CharacterWorkspace {
-    fn around(&mut self) -> Around<'_> {
-        Around {
+    fn around(&mut self, document: &CharacterDocument) -> Result<Around<'_>, StudioError> {
+        Ok(Around {
+            shown: self.shown_now(document)?,
+            time: self.time(document),
             mesh: &self.mesh,
             neighbors: &self.neighbors,
             rigs: &mut self.rigs,
             files: &self.files,
-            shown: self.shown.as_ref(),
-        }
+            model: &self.model,
+        })
     }
 
     fn tab(&self) -> Tab {
         self.view.tab.unwrap_or_default()
     }
 
+    /// The time in the clip, where the pose of one is shown.
+    fn time(&self, document: &CharacterDocument) -> Option<f64> {
+        document.shown_clip().filter(|_| self.plays).map(|_| self.view.time.unwrap_or(0.0))
+    }
+
+    /// The pose that the last slice showed, found again where the document or the time is another one by now.
+    fn shown_now(&self, document: &CharacterDocument) -> Result<Option<Pose>, StudioError> {
+        let Some(skeleton) = self.rigs.skeleton(&document.skeleton) else { return Ok(None) };
+        let is_of =
+            |s: &&Shown| s.time.is_none() && Arc::ptr_eq(&s.of, &document.pose) && Arc::ptr_eq(&s.skeleton, &skeleton);
+        match self.shown.as_ref().filter(is_of) {
+            Some(shown) if self.time(document).is_none() => Ok(Some(shown.pose.clone())),
+            _ => self.pose(document, &skeleton, &Run::default()).map(Some),
+        }
+    }
+
     /// The pose that is shown.
     fn pose(&self, document: &CharacterDocument, skeleton: &Skeleton, run: &Run) -> Result<Pose, StudioError> {
-        match document.shown_clip().filter(|_| self.plays) {
-            Some(clip) => solve::clip_pose(skeleton, clip, self.view.time.unwrap_or(0.0)),
+        match document.shown_clip().zip(self.time(document)) {
+            Some((clip, time)) => solve::clip_pose(skeleton, clip, time),
             None => Ok(solve::solved(skeleton, document, run)?.pose),
         }
     }
@@ -163,13 +207,18 @@ impl CharacterWorkspace {
         let pose = self.pose(document, &skeleton, run)?;
         let globals = skeleton.globals(&pose).map_err(fault)?;
         self.frames(BufferKind::PosedFrames, 0, &globals, out);
-        self.shown = Some(pose);
+        let (time, of) = (self.time(document), document.pose.clone());
+        self.shown = Some(Shown { pose, skeleton: skeleton.clone(), of, time });
         let mut positions = Vec::new();
         // The page skins linearly itself, and with as many joints as it was sent.
+        let here = |known: &Known| {
+            let plain = document.skinning == SkinningMethod::Linear && document.pipeline.settings().details.is_none();
+            plain && known.weights.most_influences() <= SENT
+        };
         if let Some(known) = self.known(document)?
-            && (document.skinning != SkinningMethod::Linear || known.weights.most_influences() > SENT)
+            && !here(&known)
         {
-            let posed = self.rigs.positions(&skeleton, &known.skin, &globals, document.skinning, run)?;
+            let posed = self.rigs.positions(&known.following(document, document.skinning), &globals, run)?;
             positions = self.relative(&posed);
         }
         out.buffer(BufferKind::Positions.number(), 0, positions.as_flattened());
@@ -199,39 +248,48 @@ impl CharacterWorkspace {
         Ok(())
     }
 
-    /// Every method in the pose, one a slice.
-    fn compare(&mut self, document: &CharacterDocument, out: &mut Outbox, run: &Run) -> Result<Work, StudioError> {
-        let (Some(known), Some(pose)) = (self.known(document)?, self.shown.clone()) else { return Ok(Work::Rest) };
-        let Some((item, (method, _))) = METHODS.iter().enumerate().nth(self.compared.len()) else {
-            return Ok(Work::Rest);
-        };
-        let globals = known.skeleton.globals(&pose).map_err(fault)?;
-        let posed = self.rigs.positions(&known.skeleton, &known.skin, &globals, *method, run)?;
-        let shape = self.metrics.measure(&posed);
-        let volume = shape.volume_ratio.unwrap_or(1.0);
-        self.compared.push(Compared { method: *method, volume, stretch: shape.rms_stretch });
-        out.buffer(BufferKind::Compared.number(), item as u32, self.relative(&posed).as_flattened());
-        Ok(if self.compared.len() < METHODS.len() { Work::More } else { Work::Rest })
+    /// Methods that are compared: regression where a trained skin fits.
+    fn methods(&self, document: &CharacterDocument, skeleton: &Skeleton) -> Vec<SkinningMethod> {
+        let trained = edit::model_fault(document, &self.mesh, skeleton).is_none();
+        METHODS.iter().map(|m| m.0).chain(trained.then_some(SkinningMethod::Regression)).collect()
     }
 
-    /// What takes long, one piece a call; true where there was one.
-    fn compute(&mut self, document: &CharacterDocument, out: &mut Outbox, run: &Run) -> Result<bool, StudioError> {
+    /// Every method in the pose, one a slice.
+    fn compare(&mut self, document: &CharacterDocument, out: &mut Outbox, run: &Run) -> Result<Work, StudioError> {
+        let (Some(known), Some(shown)) = (self.known(document)?, &self.shown) else { return Ok(Work::Rest) };
+        let globals = known.skeleton.globals(&shown.pose).map_err(fault)?;
+        let methods = self.methods(document, &known.skeleton);
+        let item = self.compared.len();
+        let Some(method) = methods.get(item).copied() else { return Ok(Work::Rest) };
+        let posed = self.rigs.positions(&known.following(document, method), &globals, run)?;
+        let shape = self.metrics.measure(&posed);
+        let volume = shape.volume_ratio.unwrap_or(1.0);
+        self.compared.push(Compared { method, volume, stretch: shape.rms_stretch });
+        out.buffer(BufferKind::Compared.number(), item as u32, self.relative(&posed).as_flattened());
+        Ok(if self.compared.len() < methods.len() { Work::More } else { Work::Rest })
+    }
+
+    /// What takes long: a look at what runs, or its result.
+    fn compute(
+        &mut self,
+        document: &CharacterDocument,
+        out: &mut Outbox,
+        run: &Run,
+    ) -> Result<Computed<()>, StudioError> {
         let Some(skeleton) = self.rigs.skeleton(&document.skeleton) else {
-            let SkeletonSource::Found(finding) = &document.skeleton else { return Ok(false) };
-            let found = self.rigs.find(finding, run)?;
-            found.notices.iter().for_each(|text| out.notice(text.clone()));
-            self.stale = Stale::ALL;
-            return Ok(true);
+            let SkeletonSource::Found(finding) = &document.skeleton else { return Ok(Computed::Failed) };
+            return Ok(self.rigs.find(finding, run)?.map(|found| {
+                found.notices.iter().for_each(|text| out.notice(text.clone()));
+                self.stale = Stale::ALL;
+            }));
         };
         if self.rigs.weights(&document.weights, &skeleton).is_some() {
-            return Ok(false);
+            return Ok(Computed::Failed);
         }
-        let (_, notices) = self.rigs.weigh(&document.weights, &skeleton, run)?;
-        for text in notices {
-            out.notice(text);
-        }
-        self.stale = Stale { skeleton: self.stale.skeleton, ..Stale::ALL };
-        Ok(true)
+        Ok(self.rigs.weigh(&document.weights, &skeleton, run)?.map(|notices| {
+            out.notices.extend(notices);
+            self.stale = Stale { skeleton: self.stale.skeleton, ..Stale::ALL };
+        }))
     }
 
     fn send(&mut self, document: &CharacterDocument, out: &mut Outbox, run: &Run) -> Result<(), StudioError> {
@@ -252,38 +310,6 @@ impl CharacterWorkspace {
             self.send_pose(document, out, run)?;
         }
         Ok(())
-    }
-
-    fn posed(&mut self, document: &CharacterDocument, run: &Run) -> Result<(Known, Pose), StudioError> {
-        let known = self.known(document)?.ok_or_else(not_ready)?;
-        let pose = self.pose(document, &known.skeleton, run)?;
-        Ok((known, pose))
-    }
-
-    fn export(&mut self, document: &CharacterDocument, format: Format, run: &Run) -> Result<Answer, StudioError> {
-        let (known, pose) = self.posed(document, run)?;
-        let failed = |e: &dyn std::fmt::Display| StudioError::Method(e.to_string());
-        let (extension, bytes) = match format {
-            Format::Glb => {
-                let weights = (*known.weights).clone();
-                let character = files::character(&self.model, &known.skeleton, weights, document)?;
-                ("glb", files::glb(&character, Some(&pose))?)
-            }
-            Format::Bvh => {
-                let clip = document.shown_clip().map(|clip| solve::clip(&known.skeleton, clip)).transpose()?;
-                let written = plumbline_shape::character::io::bvh_text(&known.skeleton, clip.as_ref());
-                ("bvh", written.map_err(|e| failed(&e))?.0.into_bytes())
-            }
-            Format::Obj => {
-                let globals = known.skeleton.globals(&pose).map_err(fault)?;
-                let posed = self.rigs.positions(&known.skeleton, &known.skin, &globals, document.skinning, run)?;
-                let model = self.model.with_positions(posed).map_err(|e| failed(&e))?;
-                let bytes = encode_model(&model, MeshFormat::Obj, &WriteOptions::default(), run);
-                ("obj", bytes.map_err(|e| failed(&e))?)
-            }
-        };
-        let stem = self.name.split('.').next().unwrap_or("character").to_owned();
-        Ok(Answer::Download { name: format!("{stem}-posed.{extension}"), bytes })
     }
 }
 
@@ -334,10 +360,7 @@ impl Workspace for CharacterWorkspace {
     }
 
     fn edit(&mut self, document: &Self::Document, edit: Self::Edit) -> Result<Step<Self::Document>, StudioError> {
-        let shows_clip = edit::shows_clip(&edit);
-        let step = edit::apply(document, edit, &mut self.around())?;
-        self.plays = shows_clip.unwrap_or(self.plays);
-        Ok(step)
+        edit::apply(document, edit, &mut self.around(document)?)
     }
 
     fn view(&mut self, _document: &Self::Document, view: Self::View) -> Result<(), StudioError> {
@@ -346,10 +369,10 @@ impl Workspace for CharacterWorkspace {
                 return Err(StudioError::request(format!("{time} is no time")));
             }
             self.view.time = Some(time);
-            self.plays = self.tab() == Tab::Animate;
         }
         if let Some(tab) = view.tab {
-            if tab != self.tab() {
+            // Methods are compared in what was shown last: the pose or the clip.
+            if tab != Tab::Compare {
                 self.plays = tab == Tab::Animate;
             }
             (self.view.tab, self.view.joint) = (Some(tab), view.joint);
@@ -367,6 +390,7 @@ impl Workspace for CharacterWorkspace {
         let same = old.as_ref();
         let skeleton = same.is_none_or(|d| d.skeleton != document.skeleton);
         let weights = skeleton || same.is_none_or(|d| !same_weights(&d.weights, &document.weights));
+        self.rigs.stop_others(&document.skeleton, &document.weights);
         self.stale.skeleton |= skeleton;
         self.stale.weights |= weights;
         self.stale.heat |= weights;
@@ -386,10 +410,11 @@ impl Workspace for CharacterWorkspace {
     }
 
     fn work(&mut self, document: &Self::Document, out: &mut Outbox, run: &Run) -> Result<Work, StudioError> {
-        if self.compute(document, out, run)? {
+        // What is known is shown while the rest is computed.
+        self.send(document, out, run)?;
+        if !matches!(self.compute(document, out, run)?, Computed::Failed) {
             return Ok(Work::More);
         }
-        self.send(document, out, run)?;
         if self.tab() != Tab::Compare {
             return Ok(Work::Rest);
         }
@@ -401,8 +426,7 @@ impl Workspace for CharacterWorkspace {
 
     fn save(&self, document: &Self::Document, files: &mut DocumentFiles) -> Result<(), StudioError> {
         if document.skeleton == SkeletonSource::None {
-            files.write(document.pipeline.path(), document.pipeline.text().as_bytes());
-            return Ok(());
+            return files::save_without_skeleton(document, files);
         }
         let skeleton = self.rigs.skeleton(&document.skeleton).ok_or_else(not_ready)?;
         let weights = self.rigs.weights(&document.weights, &skeleton).ok_or_else(not_ready)?;
@@ -418,6 +442,8 @@ impl Workspace for CharacterWorkspace {
     ) -> Result<Answer, StudioError> {
         match ask {
             Ask::Export { format } => self.export(document, format, run),
+            Ask::ExportFrames { rate } => self.export_frames(document, rate, run),
+            Ask::CopyPose => self.copy_pose(document),
             Ask::Command => Ok(Answer::Value(Self::command(document).into())),
         }
     }

@@ -33,6 +33,7 @@ struct Read {
     /// Names of the stages that are edited.
     pose: String,
     load: String,
+    save: Option<String>,
     settings: PoseSettings,
     output: Option<MeshSaveSettings>,
     mesh: PathBuf,
@@ -119,8 +120,29 @@ impl PipelineText {
         self.edited(&self.read.load, &[("path", beside(&self.path, file).into())])
     }
 
+    /// The text for which a run writes so many poses of a clip, or one pose without a clip.
+    ///
+    /// # Errors
+    /// [`StudioError::Request`].
+    pub fn writing(&self, clip: Option<&str>, frames: u32) -> Result<Self, StudioError> {
+        let count = if frames == 1 { serde_json::Value::Null } else { frames.into() };
+        let mut settings = vec![("clip", clip.into()), ("frames", count.clone())];
+        if clip.is_some() {
+            settings.push(("pose", serde_json::Value::Null));
+        }
+        let mut text = with_settings(&self.text, &self.read.pose, &settings)?;
+        if let Some(save) = &self.read.save {
+            text = with_settings(&text, save, &[("frames", count)])?;
+        }
+        self.reread(&text)
+    }
+
     fn edited(&self, stage: &str, settings: &[(&str, serde_json::Value)]) -> Result<Self, StudioError> {
-        Self::read(&self.path, &with_settings(&self.text, stage, settings)?).map_err(|error| match error {
+        self.reread(&with_settings(&self.text, stage, settings)?)
+    }
+
+    fn reread(&self, text: &str) -> Result<Self, StudioError> {
+        Self::read(&self.path, text).map_err(|error| match error {
             StudioError::Input { why, .. } => StudioError::Request(why),
             other => other,
         })
@@ -148,12 +170,13 @@ impl Read {
         let rig = rig.ok_or("the skeleton of character.pose is not read by skeleton.load")?;
         let skeleton = rig.settings.get::<SkeletonLoadSettings>().map(|s| to_path(&s.path)).unwrap_or_default();
         let takes = |s: &&Stage| s.edges.iter().any(|edge| edge.from == pose);
-        let save = stages.iter().filter(takes).find_map(|s| s.settings.get::<MeshSaveSettings>());
+        let save = stages.iter().filter(takes).find(|s| s.settings.get::<MeshSaveSettings>().is_some());
         Ok(Self {
             pose: stages[pose].name.clone(),
             load: rig.name.clone(),
             settings: stages[pose].settings.get::<PoseSettings>().cloned().unwrap_or_default(),
-            output: save.cloned(),
+            save: save.map(|s| s.name.clone()),
+            output: save.and_then(|s| s.settings.get::<MeshSaveSettings>()).cloned(),
             mesh: to_path(&load.path),
             skeleton,
         })

@@ -1,11 +1,12 @@
 //! What is computed from a document: the skeleton, the weights, the skinned surface. Kept by what it was computed from, so that undo
 //! finds it again.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nalgebra::{Matrix4, Point3};
 
-use super::document::{Finding, SkeletonSource, WeightSource};
+use super::background::{Background, Computed};
+use super::document::{Finding, Same, SkeletonSource, Template, Trained, WeightSource};
 use super::message::{Ends, METHODS, SkinningMethod};
 use crate::error::StudioError;
 use plumbline_num::run::Run;
@@ -14,9 +15,12 @@ use plumbline_shape::character::extraction::{
 };
 use plumbline_shape::character::fitting::fit_template;
 use plumbline_shape::character::humanoid::humanoid;
+use plumbline_shape::character::regression::TrainedSkin;
 use plumbline_shape::character::skinning::Skinner;
-use plumbline_shape::character::weights::bone_weights;
-use plumbline_shape::character::{CharacterError, CurveSkeleton, Skeleton, Skin, SkinWeights};
+use plumbline_shape::character::weights::{WeightOptions, bone_weights};
+use plumbline_shape::character::{
+    CharacterError, CurveSkeleton, DetailRefiner, RigFileError, Skeleton, Skin, SkinWeights,
+};
 use plumbline_shape::mesh::TriMesh;
 
 /// Names of the templates.
@@ -39,40 +43,84 @@ pub(super) struct Found {
 #[derive(Debug)]
 struct Kept<K, V>(Vec<(K, Arc<V>)>);
 
+impl<K, V> Default for Kept<K, V> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
 impl<K: PartialEq, V> Kept<K, V> {
     fn get(&self, key: &K) -> Option<Arc<V>> {
         self.0.iter().find(|(k, _)| k == key).map(|(_, v)| v.clone())
     }
 
-    fn put(&mut self, key: K, value: Arc<V>) {
+    fn put(&mut self, key: K, value: Arc<V>) -> Arc<V> {
         if self.0.len() == MAX_KEPT {
             self.0.remove(0);
         }
-        self.0.push((key, value));
+        self.0.push((key, value.clone()));
+        value
     }
-}
 
-/// A shared value, the same only where it is the very one.
-#[derive(Clone, Debug)]
-struct Same<T>(Arc<T>);
-
-impl<T> PartialEq for Same<T> {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
+    /// What is known for a key, made where it is not.
+    fn made(&mut self, key: K, make: impl FnOnce() -> Result<V, StudioError>) -> Result<Arc<V>, StudioError> {
+        match self.get(&key) {
+            Some(known) => Ok(known),
+            None => Ok(self.put(key, Arc::new(make()?))),
+        }
     }
 }
 
 type CurveKey = (super::message::ExtractionOptions, Option<Ends>);
+type Curve = (CurveSkeleton, ExtractionReport);
+type WeightKey = (Arc<Skeleton>, String);
+
+fn curve_key(finding: &Finding) -> CurveKey {
+    (finding.options, finding.ends.clone())
+}
+
+fn weight_key(options: &WeightOptions, skeleton: &Arc<Skeleton>) -> WeightKey {
+    (skeleton.clone(), format!("{options:?}"))
+}
+
+/// A trained skin for the mesh and a skeleton.
+#[derive(Debug)]
+struct Bound {
+    skin: Mutex<TrainedSkin>,
+    /// Those that fit its examples best.
+    weights: Arc<SkinWeights>,
+}
+
+/// How a surface follows a skeleton.
+#[derive(Debug)]
+pub(super) struct Following<'a> {
+    /// The skeleton.
+    pub(super) skeleton: &'a Arc<Skeleton>,
+    /// Weights, bound at rest.
+    pub(super) skin: &'a Arc<Skin>,
+    /// The same weights.
+    pub(super) weights: &'a Arc<SkinWeights>,
+    /// The method.
+    pub(super) method: SkinningMethod,
+    /// The model of a regression.
+    pub(super) model: Option<&'a Same<Trained>>,
+    /// Weight of the skinned surface where details are kept, as the pipeline file has it.
+    pub(super) details: Option<f64>,
+}
 
 /// Results for the mesh of a document.
 #[derive(Debug)]
 pub(super) struct Rigs {
     mesh: Arc<TriMesh>,
-    curves: Kept<CurveKey, (CurveSkeleton, ExtractionReport)>,
+    curves: Kept<CurveKey, Curve>,
     found: Kept<Finding, Found>,
-    weights: Kept<(Arc<Skeleton>, String), SkinWeights>,
+    weights: Kept<WeightKey, SkinWeights>,
     skins: Kept<(Arc<Skeleton>, Same<SkinWeights>), Skin>,
     skinners: Kept<(Same<Skin>, SkinningMethod), Skinner>,
+    trained: Kept<(Same<Trained>, Arc<Skeleton>), Bound>,
+    refiners: Kept<(Same<SkinWeights>, u64), Mutex<DetailRefiner>>,
+    extracting: Background<CurveKey, Curve>,
+    weighing: Background<WeightKey, (SkinWeights, Vec<String>)>,
 }
 
 impl Rigs {
@@ -80,11 +128,15 @@ impl Rigs {
     pub(super) fn new(mesh: Arc<TriMesh>) -> Self {
         Self {
             mesh,
-            curves: Kept(Vec::new()),
-            found: Kept(Vec::new()),
-            weights: Kept(Vec::new()),
-            skins: Kept(Vec::new()),
-            skinners: Kept(Vec::new()),
+            curves: Kept::default(),
+            found: Kept::default(),
+            weights: Kept::default(),
+            skins: Kept::default(),
+            skinners: Kept::default(),
+            trained: Kept::default(),
+            refiners: Kept::default(),
+            extracting: Background::default(),
+            weighing: Background::default(),
         }
     }
 
@@ -106,61 +158,61 @@ impl Rigs {
     pub(super) fn weights(&self, source: &WeightSource, skeleton: &Arc<Skeleton>) -> Option<Arc<SkinWeights>> {
         match source {
             WeightSource::Given(weights, _) => Some(weights.clone()),
-            WeightSource::Computed(options) => self.weights.get(&(skeleton.clone(), format!("{options:?}"))),
+            WeightSource::Computed(options) => self.weights.get(&weight_key(options, skeleton)),
         }
     }
 
-    /// Extracts a skeleton.
+    /// Stops computations that another document does not need.
+    pub(super) fn stop_others(&mut self, skeleton: &SkeletonSource, weights: &WeightSource) {
+        let curve = match skeleton {
+            SkeletonSource::Found(finding) => Some(curve_key(finding)),
+            _ => None,
+        };
+        self.extracting.keep_only(curve.as_ref());
+        let known = self.skeleton(skeleton);
+        let key = known.filter(|_| matches!(weights, WeightSource::Computed(_)));
+        self.weighing.keep_only(key.map(|skeleton| weight_key(weights.options(), &skeleton)).as_ref());
+    }
+
+    /// The fractions that are done of an extraction and of a computation of weights that run.
+    pub(super) fn progress(&self) -> [Option<f64>; 2] {
+        [self.extracting.progress(), self.weighing.progress()]
+    }
+
+    /// Extracts a skeleton, on a thread of its own.
     ///
     /// # Errors
     /// What the extraction or the fit says.
-    pub(super) fn find(&mut self, finding: &Finding, run: &Run) -> Result<Arc<Found>, StudioError> {
-        let curve = self.curve(finding, run)?;
+    pub(super) fn find(&mut self, finding: &Finding, run: &Run) -> Result<Computed<Arc<Found>>, StudioError> {
+        let curve = match self.curve(finding, run)? {
+            Computed::Ready(curve) => curve,
+            Computed::Running => return Ok(Computed::Running),
+            Computed::Failed => return Ok(Computed::Failed),
+        };
         let mut notices: Vec<String> = curve.1.repairs.clone();
         let skeleton = match finding.template.as_deref() {
             None => skeleton_of(&curve.0, finding.joints.map(|n| n as usize)).map_err(fault)?,
-            Some(name) => {
-                let fit = fit_template(&template(name)?, &curve.0, run).map_err(fault)?;
-                let loose = fit.limbs.iter().filter(|limb| limb.stretch.is_none()).count();
-                if loose > 0 {
-                    notices.push(format!("{loose} of {} limbs of the template are not on the curve", fit.limbs.len()));
-                }
-                if fit.ambiguous {
-                    notices.push("left and right look alike: look whether the sides are right".to_owned());
-                }
-                fit.skeleton
-            }
+            Some(template) => fitted(&template.skeleton, &curve.0, &mut notices, run)?,
         };
         let found = Arc::new(Found { skeleton: Arc::new(skeleton), report: curve.1.clone(), notices });
         self.found.put(finding.clone(), found.clone());
-        Ok(found)
+        Ok(Computed::Ready(found))
     }
 
-    fn curve(&mut self, finding: &Finding, run: &Run) -> Result<Arc<(CurveSkeleton, ExtractionReport)>, StudioError> {
-        let key = (finding.options, finding.ends.clone());
+    fn curve(&mut self, finding: &Finding, run: &Run) -> Result<Computed<Arc<Curve>>, StudioError> {
+        let key = curve_key(finding);
         if let Some(known) = self.curves.get(&key) {
-            return Ok(known);
+            return Ok(Computed::Ready(known));
         }
-        let o = finding.options;
-        let options = ExtractionOptions {
-            contraction: o.contraction,
-            attraction: o.attraction,
-            medial: o.medial,
-            prune: o.prune,
-            iterations: o.iterations as usize,
-            keep: match &finding.ends {
-                None => Keep::Nothing,
-                Some(Ends::Word(_)) => Keep::Extrema,
-                Some(Ends::Vertices(vertices)) => Keep::Vertices(vertices.clone()),
-            },
-        };
-        let mut proceed = |_: &ContractionStep<'_>| std::ops::ControlFlow::Continue(());
-        let curve = Arc::new(extract(&self.mesh, &options, &mut proceed, run).map_err(fault)?);
-        self.curves.put(key, curve.clone());
-        Ok(curve)
+        let (mesh, options) = (self.mesh.clone(), library_options(finding));
+        let extracted = self.extracting.get(&key, run, move |run| {
+            let mut proceed = |_: &ContractionStep<'_>| std::ops::ControlFlow::Continue(());
+            extract(&mesh, &options, &mut proceed, run).map_err(fault)
+        })?;
+        Ok(extracted.map(|curve| self.curves.put(key, Arc::new(curve))))
     }
 
-    /// Computes weights.
+    /// Computes weights, on a thread of its own.
     ///
     /// # Errors
     /// What the method says.
@@ -169,20 +221,15 @@ impl Rigs {
         source: &WeightSource,
         skeleton: &Arc<Skeleton>,
         run: &Run,
-    ) -> Result<(Arc<SkinWeights>, Vec<String>), StudioError> {
-        if let Some(known) = self.weights(source, skeleton) {
-            return Ok((known, Vec::new()));
-        }
-        let options = source.options();
-        let (weights, report) = bone_weights(&self.mesh, skeleton, options, run).map_err(fault)?;
-        let mut notices = Vec::new();
-        if report.borrowed_vertices > 0 {
-            let (vertices, parts) = (report.borrowed_vertices, report.borrowed_components);
-            notices.push(format!("{vertices} vertices in {parts} parts see no bone; they follow the nearest that do"));
-        }
-        let weights = Arc::new(weights);
-        self.weights.put((skeleton.clone(), format!("{options:?}")), weights.clone());
-        Ok((weights, notices))
+    ) -> Result<Computed<Vec<String>>, StudioError> {
+        let options = *source.options();
+        let key = weight_key(&options, skeleton);
+        let (mesh, joints) = (self.mesh.clone(), skeleton.clone());
+        let weighed = self.weighing.get(&key, run, move |run| weighed(&mesh, &joints, &options, run))?;
+        Ok(weighed.map(|(weights, notices)| {
+            self.weights.put(key, Arc::new(weights));
+            notices
+        }))
     }
 
     /// The skin of weights, bound at rest.
@@ -194,51 +241,117 @@ impl Rigs {
         skeleton: &Arc<Skeleton>,
         weights: &Arc<SkinWeights>,
     ) -> Result<Arc<Skin>, StudioError> {
-        let key = (skeleton.clone(), Same(weights.clone()));
-        if let Some(known) = self.skins.get(&key) {
-            return Ok(known);
-        }
-        let skin = Arc::new(Skin::bound((**weights).clone(), skeleton).map_err(fault)?);
-        self.skins.put(key, skin.clone());
-        Ok(skin)
+        self.skins.made((skeleton.clone(), Same(weights.clone())), || {
+            Skin::bound((**weights).clone(), skeleton).map_err(fault)
+        })
     }
 
-    /// Positions in a pose, by a method: the call of the stage `character.pose`.
+    /// Positions in a pose: the calls of the stage `character.pose`.
     ///
     /// # Errors
     /// What the method says.
     pub(super) fn positions(
         &mut self,
-        skeleton: &Skeleton,
-        skin: &Arc<Skin>,
+        of: &Following<'_>,
         globals: &[Matrix4<f64>],
-        method: SkinningMethod,
         run: &Run,
     ) -> Result<Vec<Point3<f64>>, StudioError> {
-        let key = (Same(skin.clone()), method);
-        let skinner = if let Some(known) = self.skinners.get(&key) {
-            known
+        let matrices = of.skin.joint_matrices(globals).map_err(fault)?;
+        let library = METHODS.iter().find(|m| m.0 == of.method).map(|m| m.1);
+        let (skinned, weights) = if let Some(method) = library {
+            let key = (Same(of.skin.clone()), of.method);
+            let make = || Skinner::new(&self.mesh, None, of.skeleton, of.skin, method, run).map_err(fault);
+            (self.skinners.made(key, make)?.positions(&matrices), of.weights.clone())
         } else {
-            let library = METHODS.iter().find(|m| m.0 == method).map(|m| m.1);
-            let library = library.ok_or_else(|| StudioError::request("there is no trained model"))?;
-            let skinner = Skinner::new(&self.mesh, None, skeleton, skin, library, run).map_err(fault)?;
-            let skinner = Arc::new(skinner);
-            self.skinners.put(key, skinner.clone());
-            skinner
+            let bound = self.bound(of, run)?;
+            (locked(&bound.skin).positions(&matrices), bound.weights.clone())
         };
-        skinner.positions(&skin.joint_matrices(globals).map_err(fault)?).map_err(fault)
+        let skinned = skinned.map_err(fault)?;
+        let Some(hold) = of.details else { return Ok(skinned) };
+        let refiner = self.refiners.made((Same(weights.clone()), hold.to_bits()), || {
+            DetailRefiner::new(&self.mesh, &weights, hold, run).map(Mutex::new).map_err(fault)
+        })?;
+        locked(&refiner).refined(skinned, &matrices, run).map_err(fault)
     }
+
+    fn bound(&mut self, of: &Following<'_>, run: &Run) -> Result<Arc<Bound>, StudioError> {
+        let trained = of.model.ok_or_else(|| StudioError::request("there is no trained model"))?;
+        self.trained.made((trained.clone(), of.skeleton.clone()), || {
+            let model = &trained.0.model;
+            let refused = |e: RigFileError| StudioError::Method(format!("{}: {e}", trained.0.name));
+            let weights = model.weights().for_skeleton(of.skeleton).map_err(fault)?;
+            let skin = match model.bound(&self.mesh, of.skeleton, run) {
+                Err(RigFileError::Character(error)) => return Err(fault(error)),
+                bound => bound.map_err(refused)?,
+            };
+            Ok(Bound { skin: Mutex::new(skin), weights: Arc::new(weights) })
+        })
+    }
+}
+
+/// What nobody else holds.
+fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn library_options(finding: &Finding) -> ExtractionOptions {
+    let o = finding.options;
+    ExtractionOptions {
+        contraction: o.contraction,
+        attraction: o.attraction,
+        medial: o.medial,
+        prune: o.prune,
+        iterations: o.iterations as usize,
+        keep: match &finding.ends {
+            None => Keep::Nothing,
+            Some(Ends::Word(_)) => Keep::Extrema,
+            Some(Ends::Vertices(vertices)) => Keep::Vertices(vertices.clone()),
+        },
+    }
+}
+
+/// A template on a curve, and what the user should know of it.
+fn fitted(
+    template: &Skeleton,
+    curve: &CurveSkeleton,
+    notices: &mut Vec<String>,
+    run: &Run,
+) -> Result<Skeleton, StudioError> {
+    let fit = fit_template(template, curve, run).map_err(fault)?;
+    let loose = fit.limbs.iter().filter(|limb| limb.stretch.is_none()).count();
+    if loose > 0 {
+        notices.push(format!("{loose} of {} limbs of the template are not on the curve", fit.limbs.len()));
+    }
+    if fit.ambiguous {
+        notices.push("left and right look alike: look whether the sides are right".to_owned());
+    }
+    Ok(fit.skeleton)
+}
+
+fn weighed(
+    mesh: &TriMesh,
+    skeleton: &Skeleton,
+    options: &WeightOptions,
+    run: &Run,
+) -> Result<(SkinWeights, Vec<String>), StudioError> {
+    let (weights, report) = bone_weights(mesh, skeleton, options, run).map_err(fault)?;
+    let mut notices = Vec::new();
+    if report.borrowed_vertices > 0 {
+        let (vertices, parts) = (report.borrowed_vertices, report.borrowed_components);
+        notices.push(format!("{vertices} vertices in {parts} parts see no bone; they follow the nearest that do"));
+    }
+    Ok((weights, notices))
 }
 
 /// A template by its name.
 ///
 /// # Errors
 /// [`StudioError::Request`] for an unknown one.
-pub(super) fn template(name: &str) -> Result<Skeleton, StudioError> {
+pub(super) fn template(name: &str) -> Result<Template, StudioError> {
     // The grid of its surface, which is not used, as coarse as it can be.
     const CELL: f64 = 0.1;
     match name {
-        "humanoid" => Ok(humanoid(CELL).map_err(fault)?.skeleton),
+        "humanoid" => Ok(Template { name: name.to_owned(), skeleton: humanoid(CELL).map_err(fault)?.skeleton }),
         _ => Err(StudioError::request(format!(
             "there is no template {name:?} (expected one of {})",
             TEMPLATES.join(", ")

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::document::{CharacterDocument, ClipDocument, PoseDocument, pose_of};
+use super::document::{CharacterDocument, ClipDocument, PoseDocument, pose_of, with_offsets};
 use super::rig::fault;
 use crate::error::StudioError;
 use plumbline_num::run::Run;
@@ -50,12 +50,36 @@ pub(super) fn clip(skeleton: &Skeleton, document: &ClipDocument) -> Result<Clip,
     Clip::new(document.name.clone(), document.curves.iter().filter_map(track).collect(), Vec::new()).map_err(fault)
 }
 
-/// The pose of a clip at a time.
+/// The pose of the keys of a clip at a time.
+///
+/// # Errors
+/// As [`clip`].
+pub(super) fn keyed_pose(skeleton: &Skeleton, document: &ClipDocument, time: f64) -> Result<Pose, StudioError> {
+    clip(skeleton, document)?.pose(skeleton, time, Extrapolation::Constant).map_err(fault)
+}
+
+/// The pose of a clip at a time, with what is not keyed there.
 ///
 /// # Errors
 /// As [`clip`].
 pub(super) fn clip_pose(skeleton: &Skeleton, document: &ClipDocument, time: f64) -> Result<Pose, StudioError> {
-    clip(skeleton, document)?.pose(skeleton, time, Extrapolation::Constant).map_err(fault)
+    let keyed = keyed_pose(skeleton, document, time)?;
+    Ok(match document.unkeyed_at(time) {
+        Some(unkeyed) => with_offsets(skeleton, keyed, &unkeyed.joints),
+        None => keyed,
+    })
+}
+
+/// Poses of the keys of a clip, from its first key to its last: those of the stage `character.pose`.
+///
+/// # Errors
+/// As [`clip`].
+pub(super) fn frames(skeleton: &Skeleton, document: &ClipDocument, count: u32) -> Result<Vec<Pose>, StudioError> {
+    let clip = clip(skeleton, document)?;
+    let (start, end) = clip.span().unwrap_or((0.0, 0.0));
+    let fraction = |k: u32| if count <= 1 { 1.0 } else { f64::from(k) / f64::from(count - 1) };
+    let time = |k: u32| start + (end - start) * fraction(k);
+    (0..count).map(|k| clip.pose(skeleton, time(k), Extrapolation::Constant).map_err(fault)).collect()
 }
 
 /// The shift that brings a mesh to the center, for buffers.

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::CharacterWorkspace;
-use super::document::{CharacterDocument, NamedTarget, SkeletonSource, WeightSource};
-use super::edit::from_rest;
+use super::document::{CharacterDocument, ClipDocument, NamedTarget, SkeletonSource, WeightSource};
+use super::edit::{from_rest, model_fault};
 use super::message::{
-    ExtractionState, InterpolationKind, JointState, Limits, MeshState, State, Target, TargetKind, Track, WeightMethod,
-    WeightsState,
+    ExtractionState, InterpolationKind, JointState, Limits, MeshState, ModelState, RunState, State, Target, TargetKind,
+    Track, UnkeyedState, WeightMethod, WeightsState,
 };
 use super::rig::TEMPLATES;
 use plumbline_shape::character::ik::Goal;
@@ -27,10 +27,10 @@ impl CharacterWorkspace {
         State {
             name: self.name.clone(),
             mesh: self.mesh_state(),
-            joints: skeleton.as_deref().map(joints).unwrap_or_default(),
+            joints: skeleton.as_deref().map(|s| joints(s, &document.pose.locked)).unwrap_or_default(),
             templates: TEMPLATES.to_vec(),
             extraction: self.extraction_state(document),
-            weights: weights_state(&document.weights),
+            weights: WeightsState { running: self.rigs.progress()[1], ..weights_state(&document.weights) },
             skinning: document.skinning,
             targets: document.pose.targets.iter().filter_map(|t| target(skeleton.as_deref()?, t)).collect(),
             poses: document.poses.keys().cloned().collect(),
@@ -38,6 +38,15 @@ impl CharacterWorkspace {
             clip: document.clip.clone(),
             duration: last,
             tracks: skeleton.as_deref().map(|s| tracks(s, document)).unwrap_or_default(),
+            unkeyed: clip.map(|c| unkeyed(c)).unwrap_or_default(),
+            run: RunState {
+                clip: document.pipeline.settings().clip.clone(),
+                frames: document.pipeline.settings().frames,
+            },
+            model: document.model.as_ref().map(|trained| ModelState {
+                name: trained.0.name.clone(),
+                fault: skeleton.as_deref().and_then(|s| model_fault(document, &self.mesh, s)),
+            }),
             compare: self.compared.clone(),
         }
     }
@@ -65,7 +74,13 @@ impl CharacterWorkspace {
             let r = &found.report;
             BTreeMap::from([("parts", r.parts), ("ends", r.ends), ("junctions", r.junctions), ("loops", r.loops)])
         });
-        ExtractionState { options: finding.options, joints: finding.joints, ends: finding.ends.clone(), report }
+        ExtractionState {
+            options: finding.options,
+            joints: finding.joints,
+            ends: finding.ends.clone(),
+            running: self.rigs.progress()[0],
+            report,
+        }
     }
 
     /// The command that does the same as the saved document.
@@ -79,16 +94,23 @@ impl CharacterWorkspace {
             None => quoted(&format!("{stem}{ending}")),
         };
         let settings = document.pipeline.settings();
-        let method = super::METHODS.iter().find(|m| m.0 == document.skinning).map(|m| m.1).unwrap_or_default();
-        let method = serde_json::to_value(method).unwrap_or_default();
+        let pose = match &settings.clip {
+            Some(clip) => format!("--clip {} --frames {}", quoted(clip), settings.frames),
+            None => format!("--pose {}", side(&settings.pose, ".pose.json")),
+        };
+        let method = super::METHODS.iter().find(|m| m.0 == document.skinning).map(|m| m.1);
+        let surface = match method.map(|m| serde_json::to_value(m).unwrap_or_default()) {
+            None => format!("--skinning regression --model {}", side(&settings.model, ".skin")),
+            Some(method) => {
+                let weights = side(&settings.weights, ".weights.json");
+                format!("--weights {weights} --skinning {}", method.as_str().unwrap_or_default())
+            }
+        };
         let output = document.pipeline.output().map(|o| o.path.clone()).unwrap_or_default();
         format!(
-            "plumbline pose {} --skeleton {} --weights {} --pose {} --skinning {} -o {}",
+            "plumbline pose {} --skeleton {} {pose} {surface} -o {}",
             name(document.pipeline.mesh()),
             name(document.pipeline.skeleton()),
-            side(&settings.weights, ".weights.json"),
-            side(&settings.pose, ".pose.json"),
-            method.as_str().unwrap_or_default(),
             name(std::path::Path::new(&output)),
         )
     }
@@ -104,7 +126,15 @@ fn quoted(text: &str) -> String {
     }
 }
 
-fn joints(skeleton: &Skeleton) -> Vec<JointState> {
+fn unkeyed(clip: &ClipDocument) -> Vec<UnkeyedState> {
+    let state = |pose: &super::document::Unkeyed| UnkeyedState {
+        time: pose.time,
+        joints: pose.joints.keys().cloned().collect(),
+    };
+    clip.unkeyed.iter().map(state).collect()
+}
+
+fn joints(skeleton: &Skeleton, locked: &[String]) -> Vec<JointState> {
     let limits = |l: &plumbline_shape::character::Limits| Limits {
         axis: l.axis.into_inner().into(),
         across: l.across.into_inner().into(),
@@ -115,6 +145,7 @@ fn joints(skeleton: &Skeleton) -> Vec<JointState> {
         name: j.name.clone(),
         parent: j.parent,
         limits: j.limits.as_ref().map(limits),
+        locked: locked.contains(&j.name),
     };
     skeleton.joints().iter().map(joint).collect()
 }
@@ -127,7 +158,8 @@ fn weights_state(source: &WeightSource) -> WeightsState {
         Library::Distance => WeightMethod::Distance,
     };
     let painted = u32::from(matches!(source, WeightSource::Given(..)));
-    WeightsState { method, influences: options.influences as u32, smooth: options.smooth as u32, painted }
+    let (influences, smooth) = (options.influences as u32, options.smooth as u32);
+    WeightsState { method, influences, smooth, painted, running: None }
 }
 
 fn target(skeleton: &Skeleton, named: &NamedTarget) -> Option<Target> {

@@ -15,7 +15,6 @@ pub mod overlay;
 pub mod pipeline_text;
 pub mod solver;
 pub mod state;
-mod tar;
 #[cfg(test)]
 mod tests;
 pub mod vertices;

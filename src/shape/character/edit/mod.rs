@@ -19,7 +19,7 @@ mod tests;
 
 use nalgebra::Point3;
 
-use super::{CharacterError, Joint, Limits, Skeleton};
+use super::{CharacterError, Influence, Joint, Limits, Skeleton, SkinWeights};
 
 pub use mirror::{Plane, other_side};
 pub use pick::volume_center;
@@ -118,6 +118,48 @@ pub struct Edited {
     pub joint_of: Vec<Option<u32>>,
     /// Indices of added joints.
     pub added: Vec<u32>,
+}
+
+impl Edited {
+    /// Number of joints after the edit.
+    pub fn joint_count(&self) -> usize {
+        self.joint_of.iter().flatten().chain(&self.added).max().map_or(0, |last| *last as usize + 1)
+    }
+
+    /// Whether every joint has the index that it had, and none was added.
+    pub fn keeps_indices(&self) -> bool {
+        self.added.is_empty() && (0..).zip(&self.joint_of).all(|(j, of)| *of == Some(j))
+    }
+
+    /// Weights of the joints after the edit: those of a removed joint go to the joint that replaces it, added joints have none. Vertices
+    /// that followed joints without a replacement alone follow the first joint.
+    ///
+    /// # Errors
+    /// [`CharacterError::Input`] for weights of another number of joints, or without joints after the edit.
+    ///
+    /// ```
+    /// use plumbline_shape::character::edit::{Edit, RigEditor};
+    /// use plumbline_shape::character::humanoid::humanoid;
+    ///
+    /// let person = humanoid(0.1)?;
+    /// let mut rig = RigEditor::new(Some(&person.skeleton));
+    /// let (arm, chest) = (person.skeleton.named("arm.L")?, person.skeleton.named("chest")?);
+    /// let before = person.skin.weights();
+    /// let edited = rig.apply(Edit::Remove { joint: arm })?;
+    /// let after = edited.carried(before)?;
+    /// let chest_now = edited.joint_of[chest as usize].expect("it stays");
+    /// assert_eq!(after.joint_count(), rig.joints().len());
+    /// assert!((0..after.vertex_count()).all(|v| after.weight(v, chest_now) >= before.weight(v, arm) - 1e-12));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn carried(&self, weights: &SkinWeights) -> Result<SkinWeights, CharacterError> {
+        CharacterError::check_matrices(self.joint_of.len(), weights.joint_count())?;
+        let row = |row: &[Influence]| -> Vec<(u32, f64)> {
+            row.iter().filter_map(|i| Some((self.joint_of[i.joint as usize]?, i.weight))).collect()
+        };
+        let rows: Vec<_> = weights.rows().map(row).collect();
+        Ok(SkinWeights::normalized(self.joint_count(), rows, Some(0))?.0)
+    }
 }
 
 /// A rig with its edit history.

@@ -31,11 +31,11 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
                 after[child as usize].parent = parent;
                 after[child as usize].rest = rig.local(child, parent, &rig.world(child)?)?;
             }
-            remove_joints(&mut after, &mut edited, |j| j == *joint, parent)?;
+            remove_joints(&mut after, &mut edited, |j| j == *joint, parent);
         }
         Edit::Remove { joint } => {
             let parent = rig.joint(*joint)?.parent;
-            remove_joints(&mut after, &mut edited, |j| rig.is_below(j, *joint), parent)?;
+            remove_joints(&mut after, &mut edited, |j| rig.is_below(j, *joint), parent);
         }
         Edit::Reparent { joint, parent } => {
             let world = rig.world(*joint)?;
@@ -74,7 +74,10 @@ pub(super) fn apply(joints: &[Joint], edit: &Edit) -> Result<(Vec<Joint>, Edited
             after[*joint as usize].limits = *limits;
         }
     }
-    Skeleton::new(after.clone())?;
+    // Without joints there is no skeleton, as before the first is added.
+    if !after.is_empty() {
+        Skeleton::new(after.clone())?;
+    }
     Ok((after, edited))
 }
 
@@ -205,12 +208,7 @@ fn split(
 }
 
 /// Removes joints and renumbers the others; `heir` replaces the removed ones.
-fn remove_joints(
-    after: &mut Vec<Joint>,
-    edited: &mut Edited,
-    goes: impl Fn(u32) -> bool,
-    heir: Option<u32>,
-) -> Result<(), CharacterError> {
+fn remove_joints(after: &mut Vec<Joint>, edited: &mut Edited, goes: impl Fn(u32) -> bool, heir: Option<u32>) {
     let mut next = 0;
     let numbers: Vec<Option<u32>> = (0..after.len() as u32)
         .map(|j| {
@@ -219,9 +217,6 @@ fn remove_joints(
             stays.then(|| next - 1)
         })
         .collect();
-    if next == 0 {
-        return refused("the last joint cannot be removed");
-    }
     let number = |j: u32| numbers[j as usize];
     let mut k = 0;
     after.retain_mut(|joint| {
@@ -231,5 +226,4 @@ fn remove_joints(
         stays
     });
     edited.joint_of = (0..numbers.len()).map(|j| numbers[j].or(heir.and_then(number))).collect();
-    Ok(())
 }

@@ -79,6 +79,20 @@ fn every_edit_is_undone_and_redone_bit_for_bit() {
 }
 
 #[test]
+fn a_rig_whose_last_joint_is_removed_is_as_before_the_first() {
+    for edit in [Edit::Remove { joint: 0 }, Edit::Dissolve { joint: 0 }] {
+        let mut editor = rig();
+        let edited = editor.apply(Edit::Remove { joint: 1 }).expect("valid");
+        assert_eq!((edited.joint_of, editor.joints().len()), (vec![Some(0); 4], 1));
+        let edited = editor.apply(edit).expect("valid");
+        assert_eq!((editor.skeleton(), edited.joint_of.as_slice(), edited.joint_count()), (None, &[None][..], 0));
+        assert!(edited.carried(&SkinWeights::rigid(1, &[0, 0]).expect("valid")).is_err(), "weights of no joint");
+        editor.apply(Edit::Add { name: "new".into(), parent: None, at: Point3::origin() }).expect("valid");
+        assert_eq!(editor.joints().len(), 1);
+    }
+}
+
+#[test]
 fn a_rejected_edit_changes_nothing() {
     let told = |edit: Edit| {
         let mut editor = rig();
@@ -94,7 +108,6 @@ fn a_rejected_edit_changes_nothing() {
         "joint \"chest\" cannot be a child of \"hand.L\", its own descendant"
     );
     assert!(told(Edit::Reparent { joint: 1, parent: Some(1) }).contains("cannot be a child of"));
-    assert_eq!(told(Edit::Remove { joint: 0 }), "the last joint cannot be removed");
     assert!(
         told(Edit::Split { joint: 3, fraction: 1.0, name: "x".into() })
             .starts_with("fraction 1 of the bone is invalid")

@@ -255,6 +255,26 @@ pub fn solve(
     Ok(IkSolution { residuals: residuals(&pose), pose, iterations: report.iterations, converged: report.converged })
 }
 
+/// Number of ancestors that a drag of a joint moves ([`Target::chain`]): those of its limb, up to the first joint from which several limbs
+/// go. `None`, which moves all, for a joint of the body itself: a root, or a joint whose parent has other children; also in a skeleton that
+/// does not branch above the joint.
+///
+/// ```
+/// use plumbline_shape::character::humanoid::humanoid;
+/// use plumbline_shape::character::ik::limb_chain;
+///
+/// let skeleton = humanoid(0.1)?.skeleton;
+/// // The chest, with a neck and two arms, does not follow a hand.
+/// assert_eq!(limb_chain(&skeleton, skeleton.named("hand.L")?), Some(2));
+/// assert_eq!(limb_chain(&skeleton, skeleton.named("hips")?), None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn limb_chain(skeleton: &Skeleton, joint: u32) -> Option<usize> {
+    let parent = |j: u32| skeleton.joints().get(j as usize)?.parent;
+    let mut above = std::iter::successors(parent(joint), |j| parent(*j));
+    above.position(|j| skeleton.children(j).len() > 1).filter(|count| *count > 0)
+}
+
 /// Interpolates two poses at `t` in 0 ..= 1. If both are within the limits, so is the result.
 ///
 /// # Errors

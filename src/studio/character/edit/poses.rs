@@ -1,22 +1,24 @@
 //! The pose: forward and inverse kinematics, targets, the library.
 //!
 //! A drag solves from the pose that is shown and keeps what it finds as the pose before targets, so that forward and inverse kinematics
-//! go on from each other and the saved pose is the one that was seen.
+//! go on from each other and the saved pose is the one that was seen. Where a clip is shown, what differs from its keys is kept with the
+//! clip at the time that is shown, until it is keyed or discarded.
 
 use std::sync::Arc;
 
 use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 
-use super::super::document::{CharacterDocument, NamedTarget, Offsets, PoseDocument, offsets};
+use super::super::document::{CharacterDocument, NamedTarget, PoseDocument, differing, offsets, pose_of};
+use super::super::files::rigged;
 use super::super::message::{Edit, Target as TargetMessage, TargetKind};
-use super::super::solve::{options, targets};
+use super::super::solve::{keyed_pose, options, targets};
 use super::{Around, Edited, joint, name, point, refused, rotation, vector};
 use crate::error::StudioError;
 use crate::workspace::Step;
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
-use plumbline_shape::character::edit::other_side;
-use plumbline_shape::character::ik::{Goal, Target, solve, within_limits};
+use plumbline_shape::character::ik::{Goal, Target, limb_chain, solve, within_limits};
+use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::{Pose, Skeleton};
 
 /// Maximum number of targets and of poses in the library.
@@ -25,7 +27,7 @@ const MAX_POSES: usize = 1000;
 
 pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Around<'_>) -> Edited {
     let skeleton = around.skeleton(document)?;
-    let at = Posing { document, skeleton: &skeleton, shown: around.pose(&skeleton) };
+    let at = Posing { document, skeleton: &skeleton, shown: around.pose(&skeleton), time: around.time };
     match edit {
         Edit::Rotate { joint, rotation: q } => at.rotate(joint, rotation(q)?),
         Edit::Translate { joint, translation } => at.translate(joint, vector(translation)?),
@@ -41,17 +43,23 @@ pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Aroun
             known.then(|| all.remove(index)).map(drop).ok_or_else(|| no_target(index))
         }),
         Edit::ResetPose { joints } => at.reset(joints.as_deref()),
-        Edit::MirrorPose => Ok(at.posed(&mirrored(&skeleton, &at.shown)?, "Mirror the pose")),
-        Edit::BakePose => {
-            let mut step = at.posed(&at.shown, "Bake the pose");
-            Arc::make_mut(&mut step.document.pose).targets.clear();
-            Ok(step)
+        Edit::MirrorPose => at.posed(&at.mirrored(&at.shown)?, "Mirror the pose"),
+        Edit::PastePose { text, mirrored, joints } => {
+            let character = rigged(document, around.model, &skeleton)?;
+            let pasted = TargetPose::parse(&text, &character).map_err(|e| StudioError::request(e.to_string()))?;
+            let pose = if mirrored { at.mirrored(&pasted.start)? } else { pasted.start };
+            at.paste(&pose, joints.as_deref(), if mirrored { "Paste the mirrored pose" } else { "Paste the pose" })
         }
+        Edit::TakePose => Posing { time: None, ..at }.taken("Take the pose of the clip"),
+        Edit::Lock { joints, locked } => at.lock(&joints, locked),
+        Edit::BakePose => at.with_targets("Bake the pose", |all| {
+            all.clear();
+            Ok(())
+        }),
         Edit::StorePose { name: text } => at.store(&name(&text)?),
         Edit::ApplyPose { name } => {
             let joints = document.poses.get(&name).ok_or_else(|| no_pose(&name))?;
-            let pose = PoseDocument { joints: (**joints).clone(), ..(*document.pose).clone() };
-            Ok(Step::new(with_pose(document, pose), format!("Apply pose {name}")))
+            at.posed(&pose_of(&skeleton, joints), format!("Apply pose {name}"))
         }
         Edit::RemovePose { name } => {
             let mut poses = (*document.poses).clone();
@@ -82,13 +90,65 @@ struct Posing<'a> {
     document: &'a CharacterDocument,
     skeleton: &'a Arc<Skeleton>,
     shown: Pose,
+    /// The time in the clip, where the pose of one is shown.
+    time: Option<f64>,
 }
 
 impl Posing<'_> {
-    /// The document with this pose before its targets.
-    fn posed(&self, pose: &Pose, label: impl Into<String>) -> Step<CharacterDocument> {
-        let joints = offsets(self.skeleton, pose);
-        Step::new(with_pose(self.document, PoseDocument { joints, ..(*self.document.pose).clone() }), label)
+    /// The document with this pose: of the clip at the time that is shown, else before its targets.
+    fn posed(&self, pose: &Pose, label: impl Into<String>) -> Edited {
+        let (Some(time), Some(clip)) = (self.time, self.document.shown_clip()) else {
+            let joints = offsets(self.skeleton, pose);
+            let pose = PoseDocument { joints, ..(*self.document.pose).clone() };
+            return Ok(Step::new(with_pose(self.document, pose), label));
+        };
+        let unkeyed = differing(self.skeleton, pose, &keyed_pose(self.skeleton, clip, time)?);
+        let mut clips = (*self.document.clips).clone();
+        for clip in clips.iter_mut().filter(|c| Some(&c.name) == self.document.clip.as_ref()) {
+            Arc::make_mut(clip).set_unkeyed(time, unkeyed.clone());
+        }
+        Ok(Step::new(CharacterDocument { clips: Arc::new(clips), ..self.document.clone() }, label))
+    }
+
+    /// The key of steps that are one: of the same joint, at the same time.
+    fn key(&self, what: &str, j: u32) -> String {
+        self.time.map_or_else(|| format!("{what} {j}"), |time| format!("{what} {j} at {time}"))
+    }
+
+    /// The pose that is shown becomes the one before targets.
+    fn taken(&self, label: &str) -> Edited {
+        self.posed(&self.shown, label)
+    }
+
+    /// Left and right exchanged, across the x axis.
+    fn mirrored(&self, pose: &Pose) -> Result<Pose, StudioError> {
+        pose.mirrored(self.skeleton, &Vector3::x_axis()).map_err(refused)
+    }
+
+    /// The transforms of some joints, or all, of another pose.
+    fn paste(&self, pose: &Pose, joints: Option<&[u32]>, label: &str) -> Edited {
+        let Some(joints) = joints else { return self.posed(&within_limits(self.skeleton, pose), label) };
+        let mut mixed = self.shown.clone();
+        for &j in joints {
+            joint(self.skeleton, j)?;
+            mixed.locals[j as usize] = pose.locals[j as usize];
+        }
+        self.posed(&within_limits(self.skeleton, &mixed), format!("{label} for {} joints", joints.len()))
+    }
+
+    fn lock(&self, joints: &[u32], locked: bool) -> Edited {
+        let names = joints.iter().map(|j| self.name(*j)).collect::<Result<Vec<_>, _>>()?;
+        let label = match names.as_slice() {
+            [] => return Err(StudioError::request("no joint is chosen")),
+            [name] => format!("{} {name}", if locked { "Lock" } else { "Unlock" }),
+            _ => format!("{} {} joints", if locked { "Lock" } else { "Unlock" }, names.len()),
+        };
+        let mut pose = (*self.document.pose).clone();
+        pose.locked.retain(|name| !names.contains(&name.as_str()));
+        if locked {
+            pose.locked.extend(names.iter().map(|name| (*name).to_owned()));
+        }
+        Ok(Step::new(with_pose(self.document, pose), label))
     }
 
     fn name(&self, j: u32) -> Result<&str, StudioError> {
@@ -105,7 +165,7 @@ impl Posing<'_> {
     fn rotate(&self, j: u32, rotation: UnitQuaternion<f64>) -> Edited {
         let rest = joint(self.skeleton, j)?.rest;
         let pose = self.changed(j, |local| local.rotation = rest.rotation * rotation)?;
-        Ok(self.posed(&pose, format!("Rotate {}", self.name(j)?)).merged(format!("rotate {j}")))
+        Ok(self.posed(&pose, format!("Rotate {}", self.name(j)?))?.merged(self.key("rotate", j)))
     }
 
     /// `translation`: of the joint from its position at rest, in the axes of the model.
@@ -117,32 +177,30 @@ impl Posing<'_> {
         };
         let rest = own.rest.translation;
         let pose = self.changed(j, |local| local.translation = rest + above.inverse() * translation)?;
-        Ok(self.posed(&pose, format!("Move {}", self.name(j)?)).merged(format!("translate {j}")))
+        Ok(self.posed(&pose, format!("Move {}", self.name(j)?))?.merged(self.key("translate", j)))
     }
 
     fn globals(&self, pose: &Pose) -> Result<Vec<nalgebra::Matrix4<f64>>, StudioError> {
         self.skeleton.globals(pose).map_err(refused)
     }
 
-    /// The limb follows the hand; what is pinned stays.
+    /// The limb follows the hand, the character its root; what is pinned stays.
     fn drag(&self, j: u32, point: Point3<f64>, to: Point3<f64>) -> Edited {
-        joint(self.skeleton, j)?;
+        let is_root = joint(self.skeleton, j)?.parent.is_none();
         let mut all = targets(self.skeleton, &self.document.pose);
         // A pin of the joint that is dragged gives way.
         all.retain(|t| t.joint != j || !matches!(t.goal, Goal::Position { .. }));
-        all.push(Target { joint: j, goal: Goal::Position { point, at: to }, weight: 1.0, chain: self.limb(j) });
+        let chain = limb_chain(self.skeleton, j);
+        let mut start = self.shown.clone();
+        if is_root {
+            let at = self.globals(&start)?[j as usize].transform_point(&point);
+            start.locals[j as usize].translation += to - at;
+        } else {
+            all.push(Target { joint: j, goal: Goal::Position { point, at: to }, weight: 1.0, chain });
+        }
         let options = options(self.skeleton, self.document);
-        let found = solve(self.skeleton, &self.shown, &all, &options, &Run::default()).map_err(refused)?;
-        Ok(self.posed(&found.pose, format!("Drag {}", self.name(j)?)).merged(format!("drag {j}")))
-    }
-
-    /// Ancestors that a drag moves: those of the limb, up to where it leaves the body, which is the first joint from which more than
-    /// one limb goes. A drag of the body itself moves all.
-    fn limb(&self, j: u32) -> Option<usize> {
-        let parent = |j: u32| self.skeleton.joints()[j as usize].parent;
-        let many = |j: &u32| self.skeleton.children(*j).len() > 1;
-        let above: Vec<u32> = std::iter::successors(parent(j), |j| parent(*j)).collect();
-        above.iter().position(many).filter(|count| *count > 0)
+        let found = solve(self.skeleton, &start, &all, &options, &Run::default()).map_err(refused)?;
+        Ok(self.posed(&found.pose, format!("Drag {}", self.name(j)?))?.merged(self.key("drag", j)))
     }
 
     fn pin(&self, j: u32, orientation: bool) -> Edited {
@@ -161,7 +219,9 @@ impl Posing<'_> {
             goals.push(Goal::Orientation(frame.rotation));
         }
         self.with_targets(format!("Pin {name}"), |all| {
-            let pins = goals.iter().map(|goal| Target { joint: j, goal: goal.clone(), weight: 1.0, chain: None });
+            // The limb makes up for what moves the body.
+            let chain = limb_chain(self.skeleton, j);
+            let pins = goals.iter().map(|goal| Target { joint: j, goal: goal.clone(), weight: 1.0, chain });
             all.extend(pins.map(|t| NamedTarget::of(self.skeleton, t)));
             Ok(())
         })
@@ -172,8 +232,10 @@ impl Posing<'_> {
         label: impl Into<String>,
         change: impl FnOnce(&mut Vec<NamedTarget>) -> Result<(), StudioError>,
     ) -> Edited {
-        let joints = offsets(self.skeleton, &self.shown);
-        let mut pose = PoseDocument { joints, ..(*self.document.pose).clone() };
+        let mut pose = (*self.document.pose).clone();
+        if self.time.is_none() {
+            pose.joints = offsets(self.skeleton, &self.shown);
+        }
         change(&mut pose.targets)?;
         if pose.targets.len() > MAX_TARGETS {
             return Err(StudioError::request(format!("more than {MAX_TARGETS} targets")));
@@ -228,16 +290,13 @@ impl Posing<'_> {
     }
 
     fn reset(&self, joints: Option<&[u32]>) -> Edited {
-        let Some(joints) = joints else {
-            let pose = PoseDocument { joints: Offsets::default(), ..(*self.document.pose).clone() };
-            return Ok(Step::new(with_pose(self.document, pose), "Rest pose"));
-        };
+        let Some(joints) = joints else { return self.posed(&self.skeleton.rest_pose(), "Rest pose") };
         let mut pose = self.shown.clone();
         for &j in joints {
             let rest = joint(self.skeleton, j)?.rest;
             pose.locals[j as usize] = rest;
         }
-        Ok(self.posed(&pose, "Joints at rest"))
+        self.posed(&pose, "Joints at rest")
     }
 
     fn store(&self, name: &str) -> Edited {
@@ -251,30 +310,4 @@ impl Posing<'_> {
             format!("Store pose {name}"),
         ))
     }
-}
-
-/// The pose with left and right exchanged: the rotation of each joint from rest, in the axes of the model, is reflected across x and
-/// given to the joint of the other side.
-fn mirrored(skeleton: &Skeleton, pose: &Pose) -> Result<Pose, StudioError> {
-    let rotations = |pose: &Pose| -> Result<Vec<UnitQuaternion<f64>>, StudioError> {
-        Ok(skeleton.globals(pose).map_err(refused)?.iter().map(|g| Trs::from_matrix(g).rotation).collect())
-    };
-    let (rest, now) = (rotations(&skeleton.rest_pose())?, rotations(pose)?);
-    let image = |j: usize| {
-        let name = &skeleton.joints()[j].name;
-        other_side(name).and_then(|other| skeleton.find(&other)).map_or(j, |o| o as usize)
-    };
-    let reflected =
-        |q: UnitQuaternion<f64>| UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(q.w, q.i, -q.j, -q.k));
-    let world = |j: usize| reflected(now[image(j)] * rest[image(j)].inverse()) * rest[j];
-    let mut out = pose.clone();
-    for (j, own) in skeleton.joints().iter().enumerate() {
-        let above = own.parent.map_or_else(UnitQuaternion::identity, |p| world(p as usize));
-        out.locals[j].rotation = above.inverse() * world(j);
-        let other = &skeleton.joints()[image(j)];
-        let shift = pose.locals[image(j)].translation - other.rest.translation;
-        let shift = if own.parent.is_none() { Vector3::new(-shift.x, shift.y, shift.z) } else { Vector3::zeros() };
-        out.locals[j].translation = own.rest.translation + shift;
-    }
-    Ok(within_limits(skeleton, &out))
 }

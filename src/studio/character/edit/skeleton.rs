@@ -1,11 +1,14 @@
 //! Joints made by hand.
 
-use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Unit, Vector3};
 
-use super::super::document::{CharacterDocument, ClipDocument, NamedCurve, SkeletonSource, WeightSource};
+use super::super::document::{
+    CharacterDocument, ClipDocument, NamedCurve, Same, SkeletonSource, Template, Trained, WeightSource,
+};
+use super::super::files::{MAX_MODEL_BYTES, MAX_SIDE_BYTES};
 use super::super::message::{Edit as Message, Limits as LimitsMessage};
 use super::{Around, Edited, MAX_JOINTS, joint, name, point, refused, vector};
 use crate::error::StudioError;
@@ -14,7 +17,8 @@ use plumbline_num::run::Run;
 use plumbline_num::spatial::Ray;
 use plumbline_shape::character::edit::{Edit, Edited as Applied, Plane, RigEditor, volume_center};
 use plumbline_shape::character::io::{Rig, read_rig};
-use plumbline_shape::character::{Limits, Skeleton, SkinWeights};
+use plumbline_shape::character::regression::SkinModel;
+use plumbline_shape::character::{Limits, Skeleton, WeightsFile};
 use plumbline_shape::mesh::ReadLimits;
 
 pub(super) fn apply(document: &CharacterDocument, message: Message, around: &mut Around<'_>) -> Edited {
@@ -34,7 +38,7 @@ pub(super) fn apply(document: &CharacterDocument, message: Message, around: &mut
     // Edits name joints by their numbers before the first of them.
     let mut now: Vec<Option<u32>> = (0..editor.rig.joints().len() as u32).map(Some).collect();
     for edit in edits {
-        let edited = editor.apply(renumbered(edit, &now), around)?;
+        let edited = editor.apply(renumbered(edit, &now))?;
         for j in &mut now {
             *j = j.and_then(|j| edited.joint_of.get(j as usize).copied().flatten());
         }
@@ -55,8 +59,7 @@ struct Editor {
 }
 
 impl Editor {
-    fn apply(&mut self, edit: Edit, around: &Around<'_>) -> Result<Applied, StudioError> {
-        let before = self.rig.skeleton().map(Arc::new);
+    fn apply(&mut self, edit: Edit) -> Result<Applied, StudioError> {
         let renamed = match &edit {
             Edit::Rename { joint, name } => {
                 self.rig.joints().get(*joint as usize).map(|j| (j.name.clone(), name.clone()))
@@ -70,17 +73,14 @@ impl Editor {
         if let Some((from, to)) = renamed {
             rename(&mut self.document, &from, &to);
         }
-        if let (WeightSource::Given(weights, options), Some(_)) = (&self.document.weights, before) {
-            let joints = self.rig.joints().len();
-            let same = edited.added.is_empty() && (0..).zip(&edited.joint_of).all(|(j, of)| *of == Some(j));
-            if joints == 0 {
+        if let WeightSource::Given(weights, options) = &self.document.weights {
+            if self.rig.joints().is_empty() {
                 self.document.weights = WeightSource::Computed(*options);
-            } else if !same {
-                let carried = carried(weights, &edited.joint_of, joints)?;
+            } else if !edited.keeps_indices() {
+                let carried = edited.carried(weights).map_err(refused)?;
                 self.document.weights = WeightSource::Given(Arc::new(carried), *options);
             }
         }
-        let _ = around;
         Ok(edited)
     }
 }
@@ -93,21 +93,6 @@ fn renumbered(edit: Edit, now: &[Option<u32>]) -> Edit {
         Edit::Remove { joint } => Edit::Remove { joint: number(joint) },
         other => other,
     }
-}
-
-/// Weights for other joints: those of a joint that is gone go to the one that replaces it.
-fn carried(weights: &SkinWeights, joint_of: &[Option<u32>], joints: usize) -> Result<SkinWeights, StudioError> {
-    let row = |row: &[plumbline_shape::character::Influence]| {
-        let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
-        for i in row {
-            if let Some(joint) = joint_of[i.joint as usize] {
-                *sums.entry(joint).or_default() += i.weight;
-            }
-        }
-        sums
-    };
-    let rows: Vec<_> = weights.rows().map(row).collect();
-    SkinWeights::normalized(joints, rows, Some(0)).map(|found| found.0).map_err(refused)
 }
 
 /// Everything that names a joint follows its name.
@@ -133,8 +118,10 @@ fn rename(document: &mut CharacterDocument, from: &str, to: &str) {
         moved(Arc::make_mut(pose));
     }
     for clip in Arc::make_mut(&mut document.clips) {
-        if clip.curves.iter().any(|c| c.joint == from) {
-            Arc::make_mut(clip).curves.iter_mut().for_each(|c| new(&mut Arc::make_mut(c).joint));
+        if clip.curves.iter().any(|c| c.joint == from) || clip.unkeyed.iter().any(|p| p.joints.contains_key(from)) {
+            let clip = Arc::make_mut(clip);
+            clip.curves.iter_mut().for_each(|c| new(&mut Arc::make_mut(c).joint));
+            clip.unkeyed.iter_mut().for_each(|pose| moved(&mut pose.joints));
         }
     }
 }
@@ -257,12 +244,26 @@ pub(in super::super) fn library_limits(l: &LimitsMessage) -> Result<Limits, Stud
     Ok(Limits { axis, across, swing: l.swing, twist: l.twist })
 }
 
-/// Skeleton and movements of a file: the movements alone where the skeleton has all its joints.
+/// Skeleton and movements of a file, weights, or a trained skin: what it is shows its ending, and of JSON its text.
 fn import(document: &CharacterDocument, path: &str, around: &Around<'_>) -> Edited {
-    let path = around.files.confined(std::path::Path::new(path))?;
-    let input = |e: &dyn std::fmt::Display| StudioError::Input { path: path.clone(), why: e.to_string() };
-    let rig = read_rig(&path, &ReadLimits::default(), &Run::default()).map_err(|e| input(&e))?;
+    let path = around.files.confined(Path::new(path))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let is = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if is("skin") {
+        return import_model(document, &path, name, around);
+    }
+    if is("json") {
+        let text = around.files.read(&path, MAX_SIDE_BYTES)?.unwrap_or_default();
+        if let Ok(weights) = WeightsFile::parse(&String::from_utf8_lossy(&text)) {
+            return import_weights(document, &weights, &path, around);
+        }
+    }
+    import_rig(document, &path, &name, around)
+}
+
+/// Skeleton and movements: the movements alone where the skeleton has all their joints.
+fn import_rig(document: &CharacterDocument, path: &Path, name: &str, around: &Around<'_>) -> Edited {
+    let rig = read_rig(path, &ReadLimits::default(), &Run::default()).map_err(|e| unreadable(path, &e))?;
     let current = around.rigs.skeleton(&document.skeleton);
     let known = |s: &Arc<Skeleton>| rig.skeleton.joints().iter().all(|j| s.find(&j.name).is_some());
     let mut document = document.clone();
@@ -275,6 +276,43 @@ fn import(document: &CharacterDocument, path: &str, around: &Around<'_>) -> Edit
     };
     add_clips(&mut document, &rig);
     Ok(Step::new(document, label))
+}
+
+/// The skeleton of a file as a template, fitted to the surface.
+pub(super) fn template_file(document: &CharacterDocument, path: &str, around: &Around<'_>) -> Edited {
+    let path = around.files.confined(Path::new(path))?;
+    let rig = read_rig(&path, &ReadLimits::default(), &Run::default()).map_err(|e| unreadable(&path, &e))?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(super::fitted(document, Template { name, skeleton: rig.skeleton }))
+}
+
+fn import_weights(document: &CharacterDocument, file: &WeightsFile, path: &Path, around: &Around<'_>) -> Edited {
+    let weights = file.for_skeleton(&*around.skeleton(document)?).map_err(|e| unreadable(path, &e))?;
+    let (rows, vertices) = (weights.vertex_count(), around.mesh.vertex_count());
+    if rows != vertices {
+        return Err(unreadable(path, &format!("has weights of {rows} vertices, and the mesh has {vertices}")));
+    }
+    let weights = WeightSource::Given(Arc::new(weights), *document.weights.options());
+    Ok(Step::new(CharacterDocument { weights, ..document.clone() }, "Import weights"))
+}
+
+/// A trained skin, where it is of this mesh and skeleton.
+fn import_model(document: &CharacterDocument, path: &Path, name: String, around: &Around<'_>) -> Edited {
+    let skeleton = around.skeleton(document)?;
+    let bytes = around.files.read(path, MAX_MODEL_BYTES)?.unwrap_or_default();
+    let model = SkinModel::from_bytes(&bytes).map_err(|e| unreadable(path, &e))?;
+    model.check(around.mesh, &skeleton).map_err(|e| unreadable(path, &e))?;
+    let label = format!("Import the trained skin {name}");
+    let model = Some(Same(Arc::new(Trained { file: None, name, model })));
+    Ok(Step::new(CharacterDocument { model, ..document.clone() }, label))
+}
+
+/// A chosen file is in a folder that the user does not know: its name says which it is.
+fn unreadable(path: &Path, why: &dyn std::fmt::Display) -> StudioError {
+    let (whole, name) = (path.display().to_string(), path.file_name().unwrap_or_default().to_string_lossy());
+    let why = why.to_string();
+    let why = why.strip_prefix(&format!("{whole}: ")).unwrap_or(&why);
+    StudioError::Request(format!("{name}: {why}"))
 }
 
 /// Adds the clips of a rig; the last one is shown.
@@ -291,6 +329,6 @@ pub(in super::super) fn add_clips(document: &mut CharacterDocument, rig: &Rig) {
         };
         let curves = clip.tracks().iter().map(curve).collect();
         document.clip = Some(name.clone());
-        clips.push(Arc::new(ClipDocument { name, curves }));
+        clips.push(Arc::new(ClipDocument { name, curves, unkeyed: Vec::new() }));
     }
 }

@@ -211,16 +211,3 @@ fn a_document_whose_skeleton_is_still_sought_says_so_and_is_saved_afterwards() {
     opened.save();
     assert!(opened.path("bar.skeleton.json").exists() && !opened.state().joints.is_empty());
 }
-
-#[test]
-fn a_pipeline_with_a_trained_model_is_refused_rather_than_changed() {
-    let opened = Opened::person();
-    let path = opened.path("trained.character.toml");
-    let text = opened.document.pipeline.text();
-    let text =
-        text.replace("\"character.pose\"", "\"character.pose\"\nskinning = \"regression\"\nmodel = \"person.skin\"");
-    std::fs::write(&path, text).unwrap();
-    let mut files = DocumentFiles::new(path, std::collections::BTreeMap::default());
-    let error = CharacterWorkspace::open(&mut files, &Run::default()).map(drop).expect_err("a model").to_string();
-    assert!(error.contains("trained model"), "{error}");
-}

@@ -38,6 +38,9 @@ fn text() -> String {
         ExtractionState,
         WeightsState,
         Compared,
+        ModelState,
+        UnkeyedState,
+        RunState,
         State
     );
     text.push_str("\n/** Kinds of buffers. */\nexport const KINDS = {\n");

@@ -6,14 +6,17 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::*;
+use message::Format;
 use plumbline_shape::character::humanoid::humanoid;
 use plumbline_shape::character::skeleton_file::SkeletonFile;
-use plumbline_shape::mesh::{shapes, write_model};
+use plumbline_shape::mesh::{MeshFormat, shapes, write_model};
 
 mod edits;
 mod joints;
 mod messages;
+mod posing;
 mod runs;
+mod trained;
 
 /// An opened document, as a session has it.
 pub(super) struct Opened {
@@ -93,7 +96,7 @@ impl Opened {
     /// Where a joint is in the pose that is shown.
     pub(super) fn position(&self, name: &str) -> Point3<f64> {
         let skeleton = self.workspace.rigs.skeleton(&self.document.skeleton).unwrap();
-        let globals = skeleton.globals(self.workspace.shown.as_ref().unwrap()).unwrap();
+        let globals = skeleton.globals(&self.workspace.shown.as_ref().unwrap().pose).unwrap();
         let g = globals[self.joint(name) as usize];
         Point3::new(g.m14, g.m24, g.m34)
     }

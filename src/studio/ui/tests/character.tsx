@@ -27,11 +27,12 @@ const frames = () => new Float32Array(played.skeleton.flatMap(({ at }) => [1, 0,
 const HINGE = { axis: [1, 0, 0], across: [0, 1, 0], swing: [0.8, 0.5], twist: [-0.4, 1.2] };
 const state = signal({
   name: "humanoid.glb", mesh: { vertices: played.positions.length / 3, triangles: played.triangles.length / 3, diagonal: 2.5, center, up: "y" },
-  joints: played.skeleton.map(({ name, parent }) => ({ name, parent, limits: name.startsWith("forearm") ? HINGE : null })), templates: ["humanoid", "quadruped"],
-  extraction: { options: { contraction: 0.7, attraction: 0.1, medial: 0.3, prune: 1.5, iterations: 12 }, joints: null, ends: [3, 5], report: null },
-  weights: { method: "heat", influences: 4, smooth: 0, painted: 0 }, skinning: "linear",
+  joints: played.skeleton.map(({ name, parent }) => ({ name, parent, limits: name.startsWith("forearm") ? HINGE : null, locked: name === "head" })), templates: ["humanoid", "quadruped"],
+  extraction: { options: { contraction: 0.7, attraction: 0.1, medial: 0.3, prune: 1.5, iterations: 12 }, joints: null, ends: [3, 5], running: null, report: null },
+  weights: { method: "heat", influences: 4, smooth: 0, painted: 0, running: null }, skinning: "linear",
   targets: [{ joint: 4, kind: "look_at", at: [0, 1.6, 3], weight: 1 }], poses: ["T pose"], clips: ["walk"], clip: "walk", duration: 2,
   tracks: [0, 1, 7].map((joint) => ({ joint, times: [0, 0.5, 2], interpolation: "spline", rotations: [[0, 0, 0, 1], [0.4794, 0, 0, 0.8776], [0, 0, 0, 1]] })),
+  unkeyed: [{ time: 1, joints: ["head", "neck"] }], run: { clip: null, frames: 1 }, model: null,
   compare: [{ method: "linear", volume: 0.93, stretch: 1.4 }, { method: "dual-quaternion", volume: 1.01, stretch: 1.3 }],
 } as unknown as State);
 

@@ -75,7 +75,7 @@ at: [number, number, number],
  */
 weight: number, };
 
-export type Edit = { "do": "extract", options: ExtractionOptions, joints?: number | null, ends?: Ends | null, } | { "do": "template", name: string, } | { "do": "add_along", origin: [number, number, number], direction: [number, number, number], parent?: number | null, } | { "do": "add", at: [number, number, number], parent?: number | null, name?: string | null, } | { "do": "extrude", joint: number, at: [number, number, number], name?: string | null, } | { "do": "split", joint: number, fraction: number, } | { "do": "dissolve", joints: Array<number>, } | { "do": "remove", joints: Array<number>, } | { "do": "reparent", joints: Array<number>, parent?: number | null, } | { "do": "rename", joint: number, name: string, } | { "do": "mirror", joint: number, } | { "do": "move", joint: number, to: [number, number, number], with_children: boolean, } | { "do": "roll", joint: number, angle: number, } | { "do": "limit", joint: number, limits?: Limits | null, } | { "do": "compute_weights", method: WeightMethod, influences: number, smooth: number, } | { "do": "paint", joint: number, op: BrushOp, center: [number, number, number], radius: number, strength: number, value: number, mirror: boolean, } | { "do": "influences", max: number, } | { "do": "rotate", joint: number, rotation: [number, number, number, number], } | { "do": "drag", joint: number, point: [number, number, number], to: [number, number, number], } | { "do": "translate", joint: number, translation: [number, number, number], } | { "do": "pin", joint: number, orientation: boolean, } | { "do": "add_target", target: Target, } | { "do": "set_target", index: number, target: Target, } | { "do": "remove_target", index: number, } | { "do": "reset_pose", joints?: Array<number> | null, } | { "do": "mirror_pose" } | { "do": "bake_pose" } | { "do": "store_pose", name: string, } | { "do": "apply_pose", name: string, } | { "do": "remove_pose", name: string, } | { "do": "skinning", method: SkinningMethod, } | { "do": "add_clip", name: string, } | { "do": "rename_clip", name: string, } | { "do": "remove_clip", name: string, } | { "do": "select_clip", name: string, } | { "do": "key", joints: Array<number>, time: number, } | { "do": "set_key", joint: number, time: number, rotation: [number, number, number, number], } | { "do": "move_keys", keys: Array<[number, number]>, by: number, } | { "do": "remove_keys", keys: Array<[number, number]>, } | { "do": "interpolation", joints: Array<number>, kind: InterpolationKind, } | { "do": "import", path: string, };
+export type Edit = { "do": "extract", options: ExtractionOptions, joints?: number | null, ends?: Ends | null, } | { "do": "template", name: string, } | { "do": "template_file", path: string, } | { "do": "add_along", origin: [number, number, number], direction: [number, number, number], parent?: number | null, } | { "do": "add", at: [number, number, number], parent?: number | null, name?: string | null, } | { "do": "extrude", joint: number, at: [number, number, number], name?: string | null, } | { "do": "split", joint: number, fraction: number, } | { "do": "dissolve", joints: Array<number>, } | { "do": "remove", joints: Array<number>, } | { "do": "reparent", joints: Array<number>, parent?: number | null, } | { "do": "rename", joint: number, name: string, } | { "do": "mirror", joint: number, } | { "do": "move", joint: number, to: [number, number, number], with_children: boolean, } | { "do": "roll", joint: number, angle: number, } | { "do": "limit", joint: number, limits?: Limits | null, } | { "do": "compute_weights", method: WeightMethod, influences: number, smooth: number, } | { "do": "paint", joint: number, op: BrushOp, center: [number, number, number], radius: number, strength: number, value: number, mirror: boolean, } | { "do": "influences", max: number, } | { "do": "rotate", joint: number, rotation: [number, number, number, number], } | { "do": "drag", joint: number, point: [number, number, number], to: [number, number, number], } | { "do": "translate", joint: number, translation: [number, number, number], } | { "do": "pin", joint: number, orientation: boolean, } | { "do": "lock", joints: Array<number>, locked: boolean, } | { "do": "add_target", target: Target, } | { "do": "set_target", index: number, target: Target, } | { "do": "remove_target", index: number, } | { "do": "reset_pose", joints?: Array<number> | null, } | { "do": "mirror_pose" } | { "do": "paste_pose", text: string, mirrored: boolean, joints?: Array<number> | null, } | { "do": "take_pose" } | { "do": "bake_pose" } | { "do": "store_pose", name: string, } | { "do": "apply_pose", name: string, } | { "do": "remove_pose", name: string, } | { "do": "skinning", method: SkinningMethod, } | { "do": "add_clip", name: string, } | { "do": "rename_clip", name: string, } | { "do": "remove_clip", name: string, } | { "do": "select_clip", name: string, } | { "do": "key", joints: Array<number>, time: number, } | { "do": "key_unkeyed", time: number, } | { "do": "discard_unkeyed", time: number, } | { "do": "run_writes", frames?: number | null, } | { "do": "set_key", joint: number, time: number, rotation: [number, number, number, number], } | { "do": "move_keys", keys: Array<[number, number]>, by: number, } | { "do": "remove_keys", keys: Array<[number, number]>, } | { "do": "interpolation", joints: Array<number>, kind: InterpolationKind, } | { "do": "import", path: string, };
 
 export type Tab = "skeleton" | "weights" | "pose" | "animate" | "compare";
 
@@ -103,21 +103,33 @@ export type Ask = { "ask": "export",
 /**
  * Its format.
  */
-format: Format, } | { "ask": "command" };
+format: Format, } | { "ask": "export_frames", 
+/**
+ * Frames per second.
+ */
+rate: number, } | { "ask": "copy_pose" } | { "ask": "command" };
 
 export type MeshState = { vertices: number, triangles: number, diagonal: number, center: [number, number, number], up: string, };
 
-export type JointState = { name: string, parent: number | null, limits: Limits | null, };
+export type JointState = { name: string, parent: number | null, limits: Limits | null, locked: boolean, };
 
 export type Track = { joint: number, times: Array<number>, rotations: Array<[number, number, number, number]>, interpolation: InterpolationKind, };
 
-export type ExtractionState = { options: ExtractionOptions, joints: number | null, ends: Ends | null, report: Record<string, number> | null, };
+export type ExtractionState = { options: ExtractionOptions, joints: number | null, ends: Ends | null, 
+/**
+ * The fraction that is done of an extraction that runs.
+ */
+running: number | null, report: Record<string, number> | null, };
 
 export type WeightsState = { method: WeightMethod, influences: number, smooth: number, 
 /**
  * Whether they were painted or read: other than computed.
  */
-painted: number, };
+painted: number, 
+/**
+ * The fraction that is done of a computation that runs.
+ */
+running: number | null, };
 
 export type Compared = { method: SkinningMethod, 
 /**
@@ -129,7 +141,21 @@ volume: number,
  */
 stretch: number, };
 
-export type State = { name: string, mesh: MeshState, joints: Array<JointState>, templates: Array<string>, extraction: ExtractionState, weights: WeightsState, skinning: SkinningMethod, targets: Array<Target>, poses: Array<string>, clips: Array<string>, clip: string | null, duration: number, tracks: Array<Track>, compare: Array<Compared>, };
+export type ModelState = { name: string, 
+/**
+ * Why it does not fit the mesh and the skeleton; none where it does.
+ */
+fault: string | null, };
+
+export type UnkeyedState = { time: number, joints: Array<string>, };
+
+export type RunState = { 
+/**
+ * The clip; none: the pose.
+ */
+clip: string | null, frames: number, };
+
+export type State = { name: string, mesh: MeshState, joints: Array<JointState>, templates: Array<string>, extraction: ExtractionState, weights: WeightsState, skinning: SkinningMethod, targets: Array<Target>, poses: Array<string>, clips: Array<string>, clip: string | null, duration: number, tracks: Array<Track>, unkeyed: Array<UnkeyedState>, run: RunState, model: ModelState | null, compare: Array<Compared>, };
 
 /** Kinds of buffers. */
 export const KINDS = {

@@ -1,4 +1,5 @@
 // What the page does, in words of the user; each becomes one message to the server.
+import { signal } from "@preact/signals";
 import { Quaternion, Vector3 } from "three";
 import type { Edit, ExtractionOptions, InterpolationKind, Limits, SkinningMethod, Target, V3, WeightMethod } from "../../generated/character";
 import { rotationOfDeg } from "./frames";
@@ -10,11 +11,13 @@ export class Actions {
   constructor(private readonly page: Page) {}
 
   private edit(edit: Edit): Promise<void> {
+    this.page.showTime();
     return this.page.connection.edit(edit);
   }
 
   /** A message of a drag; the last one ends the step. */
   private drag(edit: Edit, final: boolean) {
+    this.page.showTime();
     this.page.connection.drag(edit);
     if (final) this.page.connection.seal();
   }
@@ -33,6 +36,11 @@ export class Actions {
 
   template(name: string) {
     void this.edit({ do: "template", name });
+  }
+
+  /** The skeleton of a file as a template. */
+  chooseTemplate() {
+    choose(".json,.glb,.gltf,.bvh,.tgf,.skel", (path) => this.edit({ do: "template_file", path }));
   }
 
   addAlong(origin: Vector3, direction: Vector3) {
@@ -72,19 +80,42 @@ export class Actions {
 
   rotateTo(joint: number, rotation: Quaternion) {
     void this.edit({ do: "rotate", joint, rotation: [rotation.x, rotation.y, rotation.z, rotation.w] });
-    this.keyPosed([joint]);
+    this.keyPosed();
   }
-  translate = (joint: number, translation: V3) => void this.edit({ do: "translate", joint, translation });
+  translate(joint: number, translation: V3) {
+    void this.edit({ do: "translate", joint, translation });
+    this.keyPosed();
+  }
   dragJoint(joint: number, point: V3, to: Vector3, final: boolean) {
     this.drag({ do: "drag", joint, point, to: this.model(to) }, final);
-    if (final) this.keyPosed(this.page.ancestors(joint));
+    if (final) this.keyPosed();
   }
   /** What was posed becomes keys at the shown time, where that is wanted. */
-  private keyPosed(joints: readonly number[]) {
-    if (this.page.autoKey.value && this.page.tab.value === "animate" && this.page.state.value.clip !== null) this.key(joints, this.page.playback.time.value);
+  private keyPosed() {
+    if (this.page.autoKey.value && this.page.tab.value === "animate" && this.page.state.value.clip !== null) this.keyUnkeyed(this.page.playback.time.value);
   }
-  resetPose = (joints: readonly number[] | null) => void this.edit({ do: "reset_pose", joints: joints && [...joints] });
-  mirrorPose = () => void this.edit({ do: "mirror_pose" });
+  /** A change of the pose. */
+  private pose(edit: Edit) {
+    void this.edit(edit);
+    this.keyPosed();
+  }
+  resetPose = (joints: readonly number[] | null) => this.pose({ do: "reset_pose", joints: joints && [...joints] });
+  mirrorPose = () => this.pose({ do: "mirror_pose" });
+  lock = (joints: readonly number[], locked: boolean) => void this.edit({ do: "lock", joints: [...joints], locked });
+  /** All that are chosen are locked, or none where the last one is. */
+  toggleLock = () => this.page.active && this.lock(this.page.selected.value, !this.page.active.locked);
+
+  copyPose() {
+    void this.page.connection.ask<string>({ ask: "copy_pose" }).then((text) => {
+      copiedPose.value = text;
+      notify("info", "The pose is copied");
+    });
+  }
+  /** The copied pose, also of another document; for some joints, or all. */
+  pastePose(mirrored: boolean, joints: readonly number[] | null) {
+    if (copiedPose.value !== null) this.pose({ do: "paste_pose", text: copiedPose.value, mirrored, joints: joints && [...joints] });
+  }
+  takePose = () => void this.edit({ do: "take_pose" }).then(() => notify("info", "This is the pose of the mode Pose now"));
   bakePose = () => void this.edit({ do: "bake_pose" });
   pin = (joint: number, orientation: boolean) => void this.edit({ do: "pin", joint, orientation });
   /** A target where the pose already meets it, so that nothing jumps. */
@@ -96,7 +127,7 @@ export class Actions {
   setTarget = (index: number, target: Target) => void this.edit({ do: "set_target", index, target });
   removeTarget = (index: number) => void this.edit({ do: "remove_target", index });
   storePose = (name: string) => void this.edit({ do: "store_pose", name });
-  applyPose = (name: string) => void this.edit({ do: "apply_pose", name });
+  applyPose = (name: string) => this.pose({ do: "apply_pose", name });
   removePose = (name: string) => void this.edit({ do: "remove_pose", name });
   skinning = (method: SkinningMethod) => void this.edit({ do: "skinning", method });
 
@@ -107,6 +138,10 @@ export class Actions {
   renameClip = (name: string) => void this.edit({ do: "rename_clip", name });
   removeClip = () => void this.edit({ do: "remove_clip", name: this.page.state.value.clip ?? "" });
   key = (joints: readonly number[], time: number) => void this.edit({ do: "key", joints: [...joints], time });
+  keyUnkeyed = (time: number) => void this.edit({ do: "key_unkeyed", time });
+  discardUnkeyed = (time: number) => void this.edit({ do: "discard_unkeyed", time });
+  /** What a run of the saved file writes: frames of the clip, or the pose. */
+  runWrites = (frames: number | null) => void this.edit({ do: "run_writes", frames });
   interpolation = (kind: InterpolationKind) => void this.edit({ do: "interpolation", joints: [...this.page.selected.value], kind });
 
   /** Keys of the chosen joints, of all where none is chosen, at the shown time. */
@@ -115,11 +150,14 @@ export class Actions {
     this.key(selected.value.length > 0 ? selected.value : joints.value.map((j) => j.index), playback.time.value);
   }
   removeKeys(ids: readonly string[]) {
-    void this.edit({ do: "remove_keys", keys: ids.map(parseKey) });
+    for (const id of ids.filter(isUnkeyed)) this.discardUnkeyed(parseKey(id)[1]);
+    const keys = ids.filter((id) => !isUnkeyed(id)).map(parseKey);
+    if (keys.length > 0) void this.edit({ do: "remove_keys", keys });
     this.page.selectedKeys.value = [];
   }
   moveKeys(ids: readonly string[], by: number, final: boolean) {
-    if (final) void this.edit({ do: "move_keys", keys: ids.map(parseKey), by });
+    const keys = ids.filter((id) => !isUnkeyed(id)).map(parseKey);
+    if (final && keys.length > 0) void this.edit({ do: "move_keys", keys, by });
   }
   moveCurveKey(id: string, time: number, value: number, final: boolean) {
     const [joint, from] = parseKey(id);
@@ -174,7 +212,7 @@ export class Actions {
 
   endDrag(rotated?: number) {
     this.page.connection.seal();
-    if (rotated !== undefined) this.keyPosed([rotated]);
+    if (rotated !== undefined) this.keyPosed();
   }
 
   cancelDrag() {
@@ -185,18 +223,21 @@ export class Actions {
   // Files.
 
   chooseImport() {
-    const input = document.createElement("input");
-    input.type = "file";
-    input.accept = ".bvh,.glb,.gltf,.json,.skel,.tgf,.skin";
-    input.onchange = () => {
-      const file = input.files?.[0];
-      if (file) void upload(file).then(({ path }) => this.edit({ do: "import", path }));
-    };
-    input.click();
+    choose(".bvh,.glb,.gltf,.json,.skel,.tgf,.skin", (path) => this.edit({ do: "import", path }));
+  }
+
+  /** A trained skin; it is refused where it is of another mesh or of other joints. */
+  chooseModel() {
+    choose(".skin", (path) => this.edit({ do: "import", path }));
   }
 
   export(format: "glb" | "bvh" | "obj") {
     void this.page.connection.ask({ ask: "export", format });
+  }
+
+  /** The clip as one OBJ file a frame, in an archive. */
+  exportFrames() {
+    void this.page.connection.ask({ ask: "export_frames", rate: this.page.playback.frameRate.value });
   }
 
   copyCommand() {
@@ -206,6 +247,25 @@ export class Actions {
     });
   }
 }
+
+/** The pose that was copied last, as the text of a pose file; for all documents of this page. */
+export const copiedPose = signal<string | null>(null);
+
+/** Lets the user choose a file, which the program then can read. */
+function choose(accept: string, then: (path: string) => Promise<void>) {
+  const input = document.createElement("input");
+  input.type = "file";
+  input.accept = accept;
+  input.onchange = () => {
+    const file = input.files?.[0];
+    if (file) upload(file).then(({ path }) => void then(path), (error: Error) => notify("error", error.message));
+  };
+  input.click();
+}
+
+/** Marks of the timeline that are poses without keys. */
+export const UNKEYED = "unkeyed";
+const isUnkeyed = (id: string) => id.startsWith(`${UNKEYED}@`);
 
 const parseKey = (id: string): [number, number] => {
   const [joint, time] = id.replace(/^[xyz]:/, "").split("@").map(Number);

@@ -1,5 +1,6 @@
 // All actions of the workspace as commands: in the menus, the palette and the list of shortcuts.
 import type { Command } from "../../workspace";
+import { copiedPose } from "./actions";
 import { TABS, type Page, type TabName } from "./page";
 import type { SkeletonMode } from "./skeleton_tools";
 
@@ -79,6 +80,7 @@ function pose(page: Page): ModeCommand[] {
   const active = () => chosen(page);
   const group = "Pose";
   const { actions } = page;
+  const copied = () => copiedPose.value !== null;
   const kind = (id: "pole" | "look_at", title: string, shortcut: string): Command =>
     ({ id: `target-${id}`, title, group, shortcut, enabled: active, run: () => actions.addTarget(page.active!.index, id) });
   return of(["pose", "animate"], [
@@ -88,6 +90,11 @@ function pose(page: Page): ModeCommand[] {
     { id: "bake", title: "Keep pose, remove targets", group, shortcut: "B", run: () => actions.bakePose() },
     { id: "reset-joint", title: "Reset joints", group, shortcut: "R", enabled: active, run: () => actions.resetPose(page.selected.value) },
     { id: "reset-pose", title: "Reset pose", group, shortcut: "Shift+R", run: () => actions.resetPose(null) },
+    { id: "lock", title: "Lock joints, or unlock them", group, shortcut: "X", enabled: active, run: () => actions.toggleLock() },
+    { id: "copy-pose", title: "Copy pose", group, shortcut: "Ctrl+C", enabled: () => !getSelection()?.toString(), run: () => actions.copyPose() },
+    { id: "paste-pose", title: "Paste pose", group, shortcut: "Ctrl+V", enabled: copied, run: () => actions.pastePose(false, null) },
+    { id: "paste-mirrored", title: "Paste mirrored pose", group, shortcut: "Ctrl+Shift+V", enabled: copied, run: () => actions.pastePose(true, null) },
+    { id: "paste-chosen", title: "Paste pose to chosen joints", group, shortcut: "Alt+V", enabled: () => copied() && active(), run: () => actions.pastePose(false, page.selected.value) },
     { id: "mirror-pose", title: "Mirror pose", group, shortcut: "Shift+M", run: () => actions.mirrorPose() },
     { id: "store-pose", title: "Store pose in the library", group, shortcut: "Shift+K", run: () => actions.storePose(`pose ${page.state.value.poses.length + 1}`) },
   ]);
@@ -101,6 +108,9 @@ function animation(page: Page): ModeCommand[] {
     { id: "frame-back", title: "Back one frame", group, shortcut: ",", run: () => playback.step(-1) },
     { id: "frame-on", title: "Forward one frame", group, shortcut: ".", run: () => playback.step(1) },
     { id: "key", title: "Add keys of the chosen joints", group, shortcut: "K", run: () => actions.keySelected() },
+    { id: "key-unkeyed", title: "Key what is not keyed at this time", group, shortcut: "I", run: () => actions.keyUnkeyed(playback.time.value) },
+    { id: "discard-unkeyed", title: "Discard what is not keyed at this time", group, shortcut: "Shift+I", run: () => actions.discardUnkeyed(playback.time.value) },
+    { id: "take-pose", title: "Use the shown pose as the pose", group, enabled: () => page.state.value.clip !== null, run: () => actions.takePose() },
     { id: "key-delete", title: "Delete chosen keys", group, shortcut: "Shift+Del", enabled: () => page.selectedKeys.value.length > 0, run: () => actions.removeKeys(page.selectedKeys.value) },
     { id: "new-clip", title: "New clip", group, shortcut: "Shift+N", run: () => actions.addClip() },
     { id: "onion", title: "Onion skins: on or off", group, shortcut: "O", run: () => (page.onion.on.value = !page.onion.on.value) },
@@ -121,10 +131,13 @@ function view(page: Page): ModeCommand[] {
 function files(page: Page): ModeCommand[] {
   const { actions } = page;
   return [
-    { id: "import", title: "Import skeleton, clip or weights…", group: "File", shortcut: "Ctrl+I", run: () => actions.chooseImport() },
+    { id: "import", title: "Import skeleton, clip, weights or trained skin…", group: "File", shortcut: "Ctrl+I", run: () => actions.chooseImport() },
     { id: "export-glb", title: "Export GLB with clip", group: "File", shortcut: "Ctrl+E", run: () => actions.export("glb") },
     { id: "export-bvh", title: "Export BVH", group: "File", run: () => actions.export("bvh") },
-    { id: "export-obj", title: "Export OBJ frames", group: "File", run: () => actions.export("obj") },
+    { id: "export-obj", title: "Export OBJ", group: "File", run: () => actions.export("obj") },
+    { id: "export-frames", title: "Export OBJ frames of the clip", group: "File", enabled: () => page.state.value.clip !== null, run: () => actions.exportFrames() },
+    { id: "import-model", title: "Import trained skin…", group: "File", run: () => actions.chooseModel() },
+    { id: "template-file", title: "Fit a skeleton file…", group: "File", run: () => actions.chooseTemplate() },
     { id: "copy-command", title: "Copy as command", group: "File", shortcut: "Alt+Shift+C", run: () => actions.copyCommand() },
   ];
 }

@@ -19,7 +19,7 @@ export class SideBySide {
     this.clear();
     const size = sizeOf(rest);
     const [across, up] = this.axes();
-    const [width, height] = [extent(size, across) * (1 + GAP), extent(size, up) * (1 + 2 * GAP)];
+    const [width, height] = [extent(size, across) * (1 + GAP), extent(size, up) * (1 + 3 * GAP)];
     const columns = columnsFor(ids.length, width, height, this.view.width / this.view.height);
     const rows = Math.ceil(ids.length / columns);
     this.shown = ids.map((id, i) => {

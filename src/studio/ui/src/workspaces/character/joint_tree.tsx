@@ -25,8 +25,14 @@ export function JointTree({ page }: { page: Page }) {
         onRename={editable ? (id, name) => page.actions.rename(Number(id), name) : undefined}
         onDelete={editable ? (ids) => page.actions.remove(indices(ids)) : undefined}
         onMove={editable ? (ids, parent) => page.actions.reparent(indices(ids), parent === null ? null : Number(parent)) : undefined}
-        empty="No skeleton yet: extract one, take a template, or add a joint in the view"
+        empty={extracting(page) ?? "No skeleton yet: extract one, take a template, or add a joint in the view"}
       />
     </div>
   );
+}
+
+/** How far an extraction is that runs. */
+export function extracting(page: Page): string | null {
+  const { running } = page.state.value.extraction;
+  return running === null ? null : `Extracting the skeleton: ${Math.round(100 * running)} %`;
 }

@@ -70,7 +70,7 @@ export class Page {
   readonly heat = signal<Float32Array | null>(null);
   readonly onionPoses = signal<readonly OnionPose[]>([]);
   readonly comparedShapes = signal<ReadonlyMap<string, Shape>>(new Map());
-  readonly comparing = signal<readonly SkinningMethod[]>(["linear", "dual-quaternion", "centers", "mixed"]);
+  readonly comparing = signal<readonly SkinningMethod[]>(["linear", "dual-quaternion", "centers", "mixed", "regression"]);
 
   /** The skin for the joints that there are; none while weights and joints of two skeletons are on their way. */
   readonly skin = computed<SkinBuffers | null>(() => {
@@ -84,6 +84,8 @@ export class Page {
   readonly treeOrder: ReadonlySignal<readonly JointInfo[]>;
   readonly actions: Actions;
   scene: Scene | null = null;
+  /** Tells the server the shown time now, where it does not have it yet: what is edited is edited at that time. */
+  showTime: () => void = () => undefined;
 
   constructor(readonly connection: Connection<State>) {
     this.state = computed(() => connection.state.value as State);
@@ -120,6 +122,13 @@ export class Page {
     for (let at: number | null = joint; at !== null && !found.includes(at); at = this.joints.value[at]?.parent ?? null) found.push(at);
     return found;
   }
+
+  /** Frames of the clip, from its first key to its last. */
+  readonly clipFrames = computed(() => {
+    const first = Math.min(...this.state.value.tracks.map(({ times }) => times[0] ?? 0));
+    const seconds = this.state.value.duration - (Number.isFinite(first) ? first : 0);
+    return Math.round(seconds * this.playback.frameRate.value) + 1;
+  });
 
   /** The rotation from rest of a key, degrees. */
   keyVector(track: Track, i: number): [number, number, number] {
@@ -187,7 +196,9 @@ export class Page {
 
   jointDetail(joint: number): string | undefined {
     const target = this.state.value.targets.find((t) => t.joint === joint);
-    return target ? { position: "pinned", orientation: "pinned", look_at: "looks", pole: "pole" }[target.kind] : this.joints.value[joint]?.limits ? "limited" : undefined;
+    const { limits, locked } = this.joints.value[joint] ?? {};
+    const held = target && { position: "pinned", orientation: "pinned", look_at: "looks", pole: "pole" }[target.kind];
+    return [held, locked && "locked"].filter(Boolean).join(", ") || (limits ? "limited" : undefined);
   }
 
   jointColor(joint: number): string | null {
@@ -261,7 +272,8 @@ export class Page {
 
   readonly compared = computed(() => this.comparing.value.filter((method) => this.available(method)));
   available(method: SkinningMethod): boolean {
-    return method !== "regression" || this.state.value.compare.some((c) => c.method === method);
+    const { model } = this.state.value;
+    return method !== "regression" || (model !== null && model.fault === null);
   }
   compare(methods: readonly SkinningMethod[]) {
     this.comparing.value = methods;

@@ -39,7 +39,7 @@ function onion(page: Page, item: number, payload: ArrayBuffer) {
   const count = page.onion.count.peek();
   const before = item < count;
   const distance = before ? count - item : item - count + 1;
-  const others = page.onionPoses.peek().filter((pose) => pose.before !== before || pose.distance !== distance);
+  const others = page.onionPoses.peek().filter((pose) => pose.distance <= count && (pose.before !== before || pose.distance !== distance));
   page.onionPoses.value = [...others, { frames: new Frames(new Float32Array(payload)), before, distance }];
 }
 function compared(page: Page, item: number, payload: ArrayBuffer) {
@@ -52,26 +52,33 @@ function compared(page: Page, item: number, payload: ArrayBuffer) {
 const TIME_MS = 30;
 
 /** At most one call in that time; the last value is never lost. */
-function throttled<T>(send: (value: T) => void): (value: T) => void {
+function throttled<T>(send: (value: T) => void): { put: (value: T) => void; flush: () => void } {
   let [last, timer] = [-Infinity, 0];
-  return (value) => {
+  let waiting: { value: T } | null = null;
+  const flush = () => {
+    clearTimeout(timer);
+    if (!waiting) return;
+    const { value } = waiting;
+    waiting = null;
+    last = performance.now();
+    send(value);
+  };
+  const put = (value: T) => {
+    waiting = { value };
     clearTimeout(timer);
     const wait = TIME_MS - (performance.now() - last);
-    const go = () => {
-      last = performance.now();
-      send(value);
-    };
-    if (wait <= 0) go();
-    else timer = window.setTimeout(go, wait);
+    if (wait <= 0) flush();
+    else timer = window.setTimeout(flush, wait);
   };
+  return { put, flush };
 }
 
 /** What this window looks at. */
 function look(page: Page): (() => void)[] {
-  // Not with every selection: a view of the tab shows the clip again, and a pose that is not yet keyed would be lost.
   const heated = computed(() => (page.tab.value === "weights" ? page.active?.index ?? null : null));
-  const sendTime = throttled((time: number) => page.connection.view({ time }));
-  return [effect(() => page.connection.view({ tab: page.tab.value, joint: heated.value })), effect(() => sendTime(page.playback.time.value)),
+  const time = throttled((at: number) => page.connection.view({ time: at }));
+  page.showTime = time.flush;
+  return [effect(() => page.connection.view({ tab: page.tab.value, joint: heated.value })), effect(() => time.put(page.playback.time.value)),
     effect(() => {
       const on = page.tab.value === "animate" && page.onion.on.value;
       page.connection.view({ onion: on ? [page.onion.count.value, page.onion.spacing.value / page.playback.frameRate.value] : [0, 0] });

@@ -1,9 +1,11 @@
 // Animation: the clip, its keys on a timeline, curves of the chosen joint, onion skins.
-import { Button, cssColor, NumberField, Panel, Segmented, Select, TextField, theme, Timeline, Toggle, type Track as Row } from "../../../shell/components";
+import { Button, cssColor, formatNumber, Icon, NumberField, Panel, Segmented, Select, TextField, theme, Timeline, Toggle, type Track as Row } from "../../../shell/components";
 import { CurveEditor, type CurveLine } from "../curves";
 import type { InterpolationKind } from "../../../generated/character";
 import type { Page } from "../page";
+import { UNKEYED } from "../actions";
 import { samplesOf } from "../curve_samples";
+import { CopyPanel, RunPanel } from "./pose";
 
 const KINDS: readonly { value: InterpolationKind; label: string; title: string }[] = [
   { value: "spline", label: "Spline", title: "Quaternion splines: smooth through the keys" },
@@ -37,12 +39,15 @@ export function AnimatePanel({ page }: { page: Page }) {
         <Segmented label="Between keys" value={track?.interpolation ?? "spline"} options={KINDS} disabled={tracks.length === 0}
           onChange={(kind) => actions.interpolation(kind)} />
         <Toggle label="Key what is posed" checked={page.autoKey.value} onChange={(on) => (page.autoKey.value = on)} title="Every change of the pose becomes a key at the shown time" />
+        <p class="hint">A pose that is not keyed stays at its time until you key or discard it; at other times the keys are shown.</p>
       </Panel>
+      <CopyPanel page={page} />
       <Panel title="Onion skins">
         <Toggle label="Show" checked={onion.on.value} onChange={(on) => (onion.on.value = on)} />
         <NumberField label="On each side" value={onion.count.value} min={1} max={6} digits={0} onChange={(n) => (onion.count.value = n)} />
         <NumberField label="Apart" unit="frames" value={onion.spacing.value} min={1} max={120} digits={0} onChange={(n) => (onion.spacing.value = n)} />
       </Panel>
+      <RunPanel page={page} />
     </>
   );
 }
@@ -51,9 +56,12 @@ export function AnimatePanel({ page }: { page: Page }) {
 export const keyId = (joint: number, time: number) => `${joint}@${time}`;
 
 export function AnimateBottom({ page }: { page: Page }) {
-  const { tracks } = page.state.value;
+  const { tracks, unkeyed } = page.state.value;
   const { actions, playback, selectedKeys } = page;
   const joints = page.joints.value;
+  const waiting: Row[] = unkeyed.length === 0 ? [] : [{
+    id: UNKEYED, label: "Not keyed", color: "var(--warning)", keys: unkeyed.map(({ time }) => ({ id: `${UNKEYED}@${time}`, time, label: "to be set" })),
+  }];
   const rows: Row[] = tracks.map((track) => ({
     id: String(track.joint), label: joints[track.joint]?.name ?? "", color: page.selected.value.includes(track.joint) ? "var(--accent)" : "var(--muted)",
     keys: track.times.map((time) => ({ id: keyId(track.joint, time), time })),
@@ -61,10 +69,11 @@ export function AnimateBottom({ page }: { page: Page }) {
   const curves = page.curves.value ? curvesOf(page) : [];
   return (
     <div class={`animate-bottom ${curves.length > 0 ? "" : "no-curves"}`}>
-      <Timeline label="Animation" playback={playback} tracks={rows} selected={selectedKeys.value} onSelect={(keys) => (selectedKeys.value = keys)}
+      <UnkeyedBar page={page} />
+      <Timeline label="Animation" playback={playback} tracks={[...waiting, ...rows]} selected={selectedKeys.value} onSelect={(keys) => (selectedKeys.value = keys)}
         onMove={(keys, by, final) => actions.moveKeys(keys, by, final)} onDelete={(keys) => actions.removeKeys(keys)}
-        onAdd={(time, track) => (track === undefined ? actions.keySelected() : actions.key([Number(track)], time))}
-        onTrack={(track) => page.select([Number(track)])} onDuration={(seconds) => (page.length.value = seconds)} onFrameRate={(rate) => (playback.frameRate.value = rate)} empty="No keys: pose a joint, then add a key" />
+        onAdd={(time, track) => (track === undefined ? actions.keySelected() : track === UNKEYED ? actions.keyUnkeyed(time) : actions.key([Number(track)], time))}
+        onTrack={(track) => track !== UNKEYED && page.select([Number(track)])} onDuration={(seconds) => (page.length.value = seconds)} onFrameRate={(rate) => (playback.frameRate.value = rate)} empty="No keys: pose a joint, then add a key" />
       {curves.length > 0 && (
         <div class="curve-pane">
           <div class="curve-legend">{curves.map((c) => <span key={c.id} class="row"><span class="swatch" style={{ background: c.color }} />{c.label}</span>)}</div>
@@ -72,6 +81,26 @@ export function AnimateBottom({ page }: { page: Page }) {
             onSelect={(id) => (selectedKeys.value = [id])} onMove={(id, time, value, final) => actions.moveCurveKey(id, time, value, final)} />
         </div>
       )}
+    </div>
+  );
+}
+
+/** A pose that is not keyed, and what may be done about it: that of the shown time, else the first. */
+function UnkeyedBar({ page }: { page: Page }) {
+  const { unkeyed } = page.state.value;
+  const { actions, playback } = page;
+  const now = playback.time.value;
+  const pose = unkeyed.find(({ time }) => Math.abs(time - now) < 1e-4) ?? unkeyed[0];
+  if (!pose) return <div />;
+  const here = Math.abs(pose.time - now) < 1e-4;
+  const joints = pose.joints.length === 1 ? pose.joints[0] : `${pose.joints.length} joints`;
+  return (
+    <div class="unkeyed-bar row" role="status">
+      <Icon name="warning" />
+      <span class="grow ellipsis">Not keyed: {joints} at {formatNumber(pose.time, 2)} s{unkeyed.length > 1 ? `, and ${unkeyed.length - 1} more` : ""}</span>
+      {!here && <Button onClick={() => { playback.pause(); playback.seek(pose.time); }}>Go to it</Button>}
+      <Button icon="keyAdd" kind="primary" onClick={() => actions.keyUnkeyed(pose.time)}>Key it</Button>
+      <Button icon="trash" onClick={() => actions.discardUnkeyed(pose.time)}>Discard</Button>
     </div>
   );
 }

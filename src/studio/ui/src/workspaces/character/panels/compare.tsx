@@ -3,6 +3,19 @@ import { Button, formatNumber, Panel, Select, Toggle } from "../../../shell/comp
 import type { Page } from "../page";
 import { SKINNING } from "./pose";
 
+/** The trained skin that regression follows. */
+function ModelPanel({ page }: { page: Page }) {
+  const { model } = page.state.value;
+  return (
+    <Panel title="Trained skin">
+      {model === null && <p class="hint">Regression follows a skin that was trained on meshes of this character in known poses. The command <code>plumbline skin train</code> learns one and writes a .skin file; import it here.</p>}
+      {model !== null && model.fault === null && <p class="hint">{model.name} fits this mesh and skeleton.</p>}
+      {model !== null && model.fault !== null && <p class="error-text">{model.name} does not fit: {model.fault}</p>}
+      <Button wide icon="upload" onClick={() => page.actions.chooseModel()}>Import trained skin…</Button>
+    </Panel>
+  );
+}
+
 export function ComparePanel({ page }: { page: Page }) {
   const { skinning, compare } = page.state.value;
   const chosen = page.comparing.value;
@@ -12,10 +25,10 @@ export function ComparePanel({ page }: { page: Page }) {
     <>
       <Panel title="Methods">
         {SKINNING.map(({ value, label, title }) => (
-          <Toggle key={value} label={label} title={title} checked={chosen.includes(value)} disabled={!page.available(value)} onChange={(on) => toggle(value, on)} />
+          <Toggle key={value} label={label} title={title} checked={chosen.includes(value) && page.available(value)} disabled={!page.available(value)} onChange={(on) => toggle(value, on)} />
         ))}
-        <p class="hint">{page.available("regression") ? "" : "Regression needs a trained model (.skin): import one."}</p>
       </Panel>
+      <ModelPanel page={page} />
       <Panel title="Measures">
         <table class="measures">
           <thead><tr><th scope="col">Method</th><th scope="col">Volume</th><th scope="col">Stretch</th></tr></thead>

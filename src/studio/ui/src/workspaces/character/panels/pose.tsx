@@ -3,6 +3,7 @@ import { signal } from "@preact/signals";
 import { Button, List, NumberField, Panel, Select, TextField, Toggle } from "../../../shell/components";
 import type { SkinningMethod, Target } from "../../../generated/character";
 import type { JointInfo, Page } from "../page";
+import { copiedPose } from "../actions";
 import { VectorField } from "../vector_field";
 import { rotationOfDeg } from "../frames";
 
@@ -22,8 +23,10 @@ export function PosePanel({ page }: { page: Page }) {
     <>
       {joint ? <RotationPanel page={page} joint={joint} /> : <Panel title="Joint"><p class="hint">Click a joint for its rings, drag a limb to move it.</p></Panel>}
       <TargetsPanel page={page} />
+      <CopyPanel page={page} />
       <LibraryPanel page={page} />
       <SurfacePanel page={page} />
+      <RunPanel page={page} />
     </>
   );
 }
@@ -43,6 +46,44 @@ function RotationPanel({ page, joint }: { page: Page; joint: JointInfo }) {
         <Button icon="reset" onClick={() => actions.resetPose(null)}>Reset all</Button>
         <Button icon="mirror" onClick={() => actions.mirrorPose()}>Mirror</Button>
       </div>
+      <Toggle label="Locked" checked={joint.locked} title="Dragged limbs do not rotate it; rings and numbers do" onChange={(on) => actions.lock(page.selected.value, on)} />
+    </Panel>
+  );
+}
+
+/** Copies of a pose, for another time, the other side or another character. */
+export function CopyPanel({ page }: { page: Page }) {
+  const { actions, selected } = page;
+  const none = copiedPose.value === null;
+  return (
+    <Panel title="Copy and paste">
+      <div class="button-row">
+        <Button icon="copy" title="Ctrl+C" onClick={() => actions.copyPose()}>Copy pose</Button>
+        <Button disabled={none} title="Ctrl+V" onClick={() => actions.pastePose(false, null)}>Paste</Button>
+        <Button disabled={none} icon="mirror" title="Left and right exchanged: Ctrl+Shift+V" onClick={() => actions.pastePose(true, null)}>Paste mirrored</Button>
+        <Button disabled={none || selected.value.length === 0} title="Alt+V" onClick={() => actions.pastePose(false, selected.value)}>Paste to chosen joints</Button>
+      </div>
+    </Panel>
+  );
+}
+
+/** What a run of the saved file writes. */
+export function RunPanel({ page }: { page: Page }) {
+  const { actions, tab } = page;
+  const { run, clip, duration } = page.state.value;
+  const frames = page.clipFrames.value;
+  const keyed = clip !== null && (duration > 0 || page.state.value.tracks.length > 0);
+  return (
+    <Panel title="What a run writes">
+      <p class="hint">
+        {run.clip === null ? "plumbline run on the saved file writes the pose of the mode Pose." : `plumbline run on the saved file writes ${run.frames} ${run.frames === 1 ? "pose" : "poses"} of the clip ${run.clip}, its keys.`}
+      </p>
+      <div class="button-row">
+        {run.clip !== null && <Button onClick={() => actions.runWrites(null)}>Write the pose</Button>}
+        {tab.value === "animate" && <Button disabled={!keyed} onClick={() => actions.runWrites(frames)}>Write this clip</Button>}
+        {tab.value === "animate" && <Button disabled={clip === null} title="What is shown now becomes the pose of the mode Pose" onClick={() => actions.takePose()}>Use as the pose</Button>}
+      </div>
+      {tab.value === "animate" && <Button wide icon="download" disabled={!keyed} onClick={() => actions.exportFrames()}>Export OBJ frames</Button>}
     </Panel>
   );
 }
@@ -107,7 +148,7 @@ function LibraryPanel({ page }: { page: Page }) {
 function SurfacePanel({ page }: { page: Page }) {
   return (
     <Panel title="Surface">
-      <Select label="Skinning" value={page.state.value.skinning} options={SKINNING} onChange={(method) => page.actions.skinning(method)} />
+      <Select label="Skinning" value={page.state.value.skinning} options={SKINNING.filter(({ value }) => page.available(value))} onChange={(method) => page.actions.skinning(method)} />
       <Toggle label="Wireframe" checked={page.wireframe.value} onChange={(on) => (page.wireframe.value = on)} />
       <Toggle label="Joints" checked={page.showJoints.value} onChange={(on) => (page.showJoints.value = on)} />
     </Panel>

@@ -1,6 +1,7 @@
 // The skeleton: tools of the pointer, the chosen joint and its limits, extraction, templates.
 import { Button, NumberField, Panel, Segmented, Select, SliderField, TextField, Toggle } from "../../../shell/components";
 import type { ExtractionOptions, Limits } from "../../../generated/character";
+import { extracting } from "../joint_tree";
 import type { JointInfo, Page } from "../page";
 import type { SkeletonMode } from "../skeleton_tools";
 import { VectorField } from "../vector_field";
@@ -97,7 +98,8 @@ function ExtractionPanel({ page }: { page: Page }) {
         <Button icon="pin" onClick={() => (page.mode.value = "pin")}>Pin ends</Button>
         <Button onClick={() => page.actions.extract({ ends: null })}>Unpin all</Button>
       </div>
-      <Button wide kind="primary" onClick={() => page.actions.extract({})}>Extract skeleton</Button>
+      <Button wide kind="primary" disabled={extraction.running !== null} onClick={() => page.actions.extract({})}>Extract skeleton</Button>
+      {extraction.running !== null && <p class="hint" role="status">{extracting(page)}. Another option stops it.</p>}
     </Panel>
   );
 }
@@ -107,7 +109,9 @@ function TemplatePanel({ page }: { page: Page }) {
     <Panel title="Template" folded>
       <div class="button-row">
         {page.state.value.templates.map((name) => <Button key={name} onClick={() => page.actions.template(name)}>Fit {name}</Button>)}
+        <Button icon="upload" title="A skeleton of a .json, .glb, .bvh, .tgf or .skel file" onClick={() => page.actions.chooseTemplate()}>Fit a file…</Button>
       </div>
+      <p class="hint">The joints of a template are put onto the curve that the extraction finds; names, parents and limits stay.</p>
     </Panel>
   );
 }

@@ -54,6 +54,7 @@ function ComputedPanel({ page }: { page: Page }) {
       <NumberField label="Smoothing" unit="×" value={weights.smooth} min={0} max={1000} digits={0}
         onChange={(smooth) => page.actions.computeWeights({ ...weights, smooth })} />
       <Button wide onClick={() => page.actions.computeWeights(weights)}>Compute again</Button>
+      {weights.running !== null && <p class="hint" role="status">Computing weights{weights.running > 0 ? `: ${Math.round(100 * weights.running)} %` : "…"}</p>}
       <p class="hint">{weights.painted > 0 ? "Painted, or read from a file: computing again replaces them." : "As computed; nothing is painted."}</p>
     </Panel>
   );

@@ -4,7 +4,7 @@
 const BLOCK: usize = 512;
 
 /// An archive of files; `None` for a name of more than 100 bytes, or a file of 8 GiB or more.
-pub(super) fn archive(files: &[(String, Vec<u8>)]) -> Option<Vec<u8>> {
+pub(crate) fn archive(files: &[(String, Vec<u8>)]) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(files.iter().map(|f| f.1.len() + 2 * BLOCK).sum::<usize>() + 2 * BLOCK);
     for (name, bytes) in files {
         out.extend(header(name, bytes.len())?);
