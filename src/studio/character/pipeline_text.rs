@@ -6,7 +6,7 @@ use std::sync::Arc;
 use toml_edit::Value;
 
 use crate::error::StudioError;
-use crate::pipeline_file::{checked, with_settings};
+use crate::pipeline_file::{self, Change, checked, setting};
 use plumbline_app::pipeline::Graph;
 use plumbline_app::pipeline::file::literal_path;
 use plumbline_app::pipeline::graph::Stage;
@@ -108,7 +108,9 @@ impl PipelineText {
     /// # Errors
     /// [`StudioError::Request`].
     pub fn with(&self, settings: &[(&str, serde_json::Value)]) -> Result<Self, StudioError> {
-        self.edited(&self.read.pose, settings)
+        let pose = self.read.pose.as_str();
+        let changes = settings.iter().map(|(key, value)| Ok((pose, *key, setting(key, value)?)));
+        self.edited(&changes.collect::<Result<Vec<_>, StudioError>>()?)
     }
 
     /// The text with another file of the skeleton.
@@ -116,14 +118,11 @@ impl PipelineText {
     /// # Errors
     /// [`StudioError::Request`].
     pub fn with_skeleton(&self, file: &Path) -> Result<Self, StudioError> {
-        self.edited(&self.read.load, &[("path", beside(&self.path, file).into())])
+        self.edited(&[(&self.read.load, "path", Some(beside(&self.path, file).into()))])
     }
 
-    fn edited(&self, stage: &str, settings: &[(&str, serde_json::Value)]) -> Result<Self, StudioError> {
-        Self::read(&self.path, &with_settings(&self.text, stage, settings)?).map_err(|error| match error {
-            StudioError::Input { why, .. } => StudioError::Request(why),
-            other => other,
-        })
+    fn edited(&self, changes: &[Change<'_>]) -> Result<Self, StudioError> {
+        pipeline_file::edited(&self.path, &self.text, changes, Self::read)
     }
 }
 
