@@ -1,13 +1,14 @@
 //! The files of a document: what was opened, its side files, what was recovered after a crash.
 
 use std::collections::BTreeMap;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::error::StudioError;
 use crate::recovery::Texts;
 use crate::watched::Watched;
-use plumbline_num::files::{FileAccess, IfExists, folder_of, open_regular, write_whole};
+use plumbline_num::files::{AccessError, AtomicFile, FileAccess, IfExists, folder_of, open_regular, publish_all};
 
 /// The files of a document. Texts that were written wait here until they are [published](Self::publish).
 ///
@@ -98,25 +99,36 @@ impl DocumentFiles {
         &self.pending
     }
 
-    /// Puts what waits onto the disk, each file whole.
+    /// Puts what waits onto the disk: each file whole, and none of them before all are written beside their targets, so that a full
+    /// disk leaves the files as they were.
     ///
     /// # Errors
-    /// The first file that cannot be written or is outside the folders; those before it are there, and nothing that waits is lost.
+    /// The first file that cannot be written or is outside the folders; nothing that waits is lost.
     pub fn publish(&mut self) -> Result<(), StudioError> {
+        let failed = |path: &Path, e: io::Error| StudioError::Output {
+            path: path.to_owned(),
+            why: format!("cannot be saved: {e}; what is not saved stays open"),
+        };
+        let mut files = Vec::new();
         for (path, bytes) in &self.pending {
-            let fail = |why: String| StudioError::Output { path: path.clone(), why };
-            let folder = FileAccess::of_folder(self.folder(), &self.allowed)
-                .resolve(folder_of(path))
-                .map_err(|e| fail(e.to_string()))?;
-            let target = folder.join(path.file_name().unwrap_or_default());
-            if target.is_symlink() {
-                self.confined(path)?;
-            }
-            write_whole(&target, bytes, IfExists::Replace).map_err(|e| fail(e.to_string()))?;
-            self.watched.see(path);
+            let target = self.target(path)?;
+            files.push((unfinished(&target, bytes).map_err(|e| failed(path, e))?, target));
         }
+        publish_all(files, IfExists::Replace).map_err(|e| failed(&self.opened, e))?;
+        self.pending.keys().for_each(|path| self.watched.see(path));
         self.pending.clear();
         Ok(())
+    }
+
+    /// The file that a path of the document is written to.
+    fn target(&self, path: &Path) -> Result<PathBuf, StudioError> {
+        let fail = |e: AccessError| StudioError::Output { path: path.to_owned(), why: e.to_string() };
+        let folder = FileAccess::of_folder(self.folder(), &self.allowed).resolve(folder_of(path)).map_err(fail)?;
+        let target = folder.join(path.file_name().unwrap_or_default());
+        if target.is_symlink() {
+            self.confined(path)?;
+        }
+        Ok(target)
     }
 
     /// Files of the document that differ on the disk from what was read or written last.
@@ -128,6 +140,13 @@ impl DocumentFiles {
     pub fn accept_disk(&self) {
         self.watched.accept();
     }
+}
+
+/// A file of this content that does not have its name yet.
+fn unfinished(target: &Path, bytes: &[u8]) -> io::Result<AtomicFile> {
+    let mut file = AtomicFile::next_to(target, IfExists::Replace)?;
+    file.file().ok_or_else(|| io::Error::other("no file"))?.write_all(bytes)?;
+    Ok(file)
 }
 
 #[cfg(test)]

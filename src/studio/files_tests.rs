@@ -52,6 +52,24 @@ fn files_outside_the_folders_are_neither_read_nor_written() {
 }
 
 #[test]
+fn no_file_is_replaced_where_another_one_cannot_be_written() {
+    let folder = folder();
+    let mut files = files(folder.path());
+    let [first, taken] = ["a.json", "b.json"].map(|name| folder.path().join(name));
+    std::fs::write(&first, "before").expect("written");
+    std::fs::create_dir(&taken).expect("a folder of this name");
+    files.write(&first, *b"after");
+    files.write(&taken, *b"after");
+    let refused = files.publish().expect_err("a folder is no file").to_string();
+    assert!(refused.contains("b.json: cannot be saved: "), "{refused}");
+    assert_eq!(std::fs::read(&first).expect("the file"), b"before");
+    assert_eq!(folder.path().read_dir().expect("the folder").count(), 3, "nothing unfinished stays");
+    std::fs::remove_dir(&taken).expect("removed");
+    files.publish().expect("what waited is written");
+    assert_eq!(std::fs::read(&first).expect("the file"), b"after");
+}
+
+#[test]
 #[cfg(unix)]
 fn links_out_of_the_folder_are_neither_read_nor_written() {
     let (folder, other) = (folder(), folder());

@@ -23,34 +23,57 @@ pub(crate) fn checked(path: &Path, text: &str) -> Result<Graph, StudioError> {
     Ok(checked.graph)
 }
 
-/// The text with other settings of a stage; null leaves one to its default. What is allowed is checked where the text is read again.
+/// A change of a setting: its stage, its key, and the value; `None` leaves it to its default.
+pub(crate) type Change<'c> = (&'c str, &'c str, Option<Value>);
+
+/// What the text says with other settings, read by `read`: what is allowed is checked there.
+///
+/// # Errors
+/// [`StudioError::Request`] with what is allowed.
+pub(crate) fn edited<P>(
+    path: &Path,
+    text: &str,
+    changes: &[Change<'_>],
+    read: impl FnOnce(&Path, &str) -> Result<P, StudioError>,
+) -> Result<P, StudioError> {
+    read(path, &with_settings(text, changes)?).map_err(|error| match error {
+        StudioError::Input { why, .. } => StudioError::Request(why),
+        other => other,
+    })
+}
+
+/// A value that a window sends; null leaves the setting to its default.
 ///
 /// # Errors
 /// [`StudioError::Request`] for lists and tables.
-pub(crate) fn with_settings(text: &str, stage: &str, settings: &[(&str, Json)]) -> Result<String, StudioError> {
-    let mut document: DocumentMut =
-        text.parse().map_err(|e: toml_edit::TomlError| StudioError::request(e.message().to_owned()))?;
-    let table = document.get_mut("stage").and_then(|s| s.get_mut(stage)).and_then(Item::as_table_like_mut);
-    let table = table.ok_or_else(|| StudioError::request(format!("there is no stage `{stage}`")))?;
-    for (key, value) in settings {
-        set(table, key, value)?;
-    }
-    Ok(document.to_string())
-}
-
-/// Sets or removes a key; the spaces and the comment beside a value stay.
-fn set(table: &mut dyn TableLike, key: &str, value: &Json) -> Result<(), StudioError> {
-    let new = match value {
-        Json::Null => {
-            table.remove(key);
-            return Ok(());
-        }
+pub(crate) fn setting(key: &str, value: &Json) -> Result<Option<Value>, StudioError> {
+    Ok(Some(match value {
+        Json::Null => return Ok(None),
         Json::Bool(b) => Value::from(*b),
         Json::Number(n) => n.as_i64().map_or_else(|| n.as_f64().unwrap_or(f64::NAN).into(), Value::from),
         Json::String(text) => Value::from(text.as_str()),
         Json::Array(_) | Json::Object(_) => {
             return Err(StudioError::request(format!("`{key}` is a number, a word, true or false")));
         }
+    }))
+}
+
+fn with_settings(text: &str, changes: &[Change<'_>]) -> Result<String, StudioError> {
+    let mut document: DocumentMut =
+        text.parse().map_err(|e: toml_edit::TomlError| StudioError::request(e.message().to_owned()))?;
+    for (stage, key, value) in changes {
+        let table = document.get_mut("stage").and_then(|s| s.get_mut(stage)).and_then(Item::as_table_like_mut);
+        let table = table.ok_or_else(|| StudioError::request(format!("there is no stage `{stage}`")))?;
+        set(table, key, value.clone());
+    }
+    Ok(document.to_string())
+}
+
+/// Sets or removes a key; the spaces and the comment beside a value stay.
+fn set(table: &mut dyn TableLike, key: &str, value: Option<Value>) {
+    let Some(new) = value else {
+        table.remove(key);
+        return;
     };
     match table.get_mut(key).and_then(Item::as_value_mut) {
         Some(old) => {
@@ -62,7 +85,6 @@ fn set(table: &mut dyn TableLike, key: &str, value: &Json) -> Result<(), StudioE
             table.insert(key, Item::Value(new));
         }
     }
-    Ok(())
 }
 
 /// The first fault with its line, and how many more there are.

@@ -18,6 +18,9 @@ pub type Texts = BTreeMap<PathBuf, Arc<[u8]>>;
 /// Maximum size of a recovery file, bytes: side files are a few MB.
 const MAX_BYTES: u64 = 1 << 30;
 
+/// Maximum size of the header of a recovery file, bytes: a path per text.
+const MAX_HEADER: u64 = 1 << 20;
+
 /// A folder of recovery files.
 #[derive(Clone, Debug)]
 pub struct Recovery {
@@ -65,9 +68,10 @@ impl Recovery {
         Ok((header.opened == opened).then_some(texts))
     }
 
-    /// Whether anything is kept for this document.
-    pub fn has(&self, opened: &Path) -> bool {
-        self.file(opened).exists()
+    /// Documents of which anything is kept.
+    pub fn documents(&self) -> Vec<PathBuf> {
+        let files = self.folder.read_dir().into_iter().flatten().filter_map(Result::ok);
+        files.filter_map(|file| header(&file.path())).map(|header| header.opened).collect()
     }
 
     /// Keeps these texts for the document, in place of those before.
@@ -133,6 +137,14 @@ pub(crate) fn private_temporary_folder(prefix: &str, parent: &Path) -> io::Resul
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
     builder.tempdir_in(parent)
+}
+
+/// The header of a recovery file.
+fn header(file: &Path) -> Option<Header> {
+    let file = io::BufReader::new(open_regular(file).ok()?);
+    let mut line = Vec::new();
+    io::BufRead::read_until(&mut io::Read::take(file, MAX_HEADER), b'\n', &mut line).ok()?;
+    serde_json::from_slice(&line).ok()
 }
 
 fn parse(bytes: &[u8]) -> Option<(Header, Texts)> {

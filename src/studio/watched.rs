@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
 
 /// Size and time of a file; `None` where there is none.
-type Stamp = Option<(u64, Option<SystemTime>)>;
+pub(crate) type Stamp = Option<(u64, Option<SystemTime>)>;
 
-fn stamp(path: &Path) -> Stamp {
+pub(crate) fn stamp(path: &Path) -> Stamp {
     let found = std::fs::metadata(path).ok()?;
     Some((found.len(), found.modified().ok()))
 }

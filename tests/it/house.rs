@@ -65,7 +65,17 @@ fn sources_that_the_architecture_names_exist() {
     }
 }
 
-/// Every guarantee names its tests as `file::name` of `tests/it`.
+/// The file of a test that `docs/GUARANTEES.md` names: of the studio where it says so, else of `tests/it`.
+fn file_of_test(file: &str) -> String {
+    match file.strip_prefix("studio/") {
+        Some(page) if page.ends_with(".mjs") => format!("src/studio/ui/tests/{page}"),
+        Some(file) => format!("src/studio/{file}.rs"),
+        None => format!("tests/it/{file}.rs"),
+    }
+}
+
+/// Every guarantee names its tests as `file::name` of `tests/it`, `studio/file::name` of `src/studio`, or as `studio/file.mjs::sentence`
+/// of the tests in a browser.
 #[test]
 fn guarantees_name_tests_that_exist() {
     let text = fs::read_to_string(root().join("docs/GUARANTEES.md")).expect("a document");
@@ -80,9 +90,10 @@ fn guarantees_name_tests_that_exist() {
         assert!(!tests.is_empty(), "a guarantee without a test: {row}");
         for test in tests {
             let (file, name) = test.rsplit_once("::").unwrap_or((test, ""));
-            let file = format!("tests/it/{file}.rs");
-            let source = fs::read_to_string(root().join(&file)).unwrap_or_else(|_| panic!("{file} of {test}"));
-            assert!(source.contains(&format!("fn {name}(")), "{test} is no test");
+            let source =
+                fs::read_to_string(root().join(file_of_test(file))).unwrap_or_else(|_| panic!("{test}: no file"));
+            let definition = if file.ends_with(".mjs") { format!("test(\"{name}\"") } else { format!("fn {name}(") };
+            assert!(source.contains(&definition), "{test} is no test");
         }
     }
 }

@@ -9,12 +9,16 @@
 
 #![allow(clippy::print_stdout)] // a table of figures is its result
 
+#[path = "../measure.rs"]
+mod measure;
+
 use std::collections::HashMap;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use measure::{Started, ms, quantile, report, report_memory};
 use serde_json::{Value, json};
 
 use plumbline::num::run::{Interrupt, Run};
@@ -47,8 +51,7 @@ fn main() -> Result<(), Failure> {
     bench.rest()?;
     bench.undo(&history)?;
     bench.settle()?;
-    println!("memory, idle                       {:8.1} MB", resident()?);
-    Ok(())
+    report_memory()
 }
 
 /// The mesh with about a quarter, all, or four times its vertices.
@@ -91,14 +94,14 @@ struct Bench {
 impl Bench {
     fn open(file: &Path) -> Result<Self, Failure> {
         let mut files = DocumentFiles::new(file, std::collections::BTreeMap::default());
-        let (started, wall) = (cpu(), Instant::now());
+        let started = Started::now();
         let (mut workspace, document) = MeshWorkspace::open(&mut files, &Run::default())?;
         workspace.changed(&document);
         let mut out = Outbox::default();
         workspace.greet(&document, &mut out);
         let state = serde_json::to_value(workspace.state(&document))?;
         println!("{} vertices, {} triangles", state["mesh"]["vertices"], state["mesh"]["triangles"]);
-        report("opening to the first picture", cpu().saturating_sub(started), Some(wall.elapsed()));
+        report("opening to the first picture", started.spent());
         let points = out.buffers.iter().find(|b| b.kind == BufferKind::Positions.number()).ok_or("no picture")?;
         let count = points.bytes.len() / 20;
         let y = |v: usize| f32::from_le_bytes(points.bytes[12 * v + 4..12 * v + 8].try_into().unwrap_or_default());
@@ -139,11 +142,11 @@ impl Bench {
         self.edit(json!({"do": "select_half_space", "point": [0, at(1.0 / 6.0), 0], "normal": [0, -1, 0]}))?;
         self.edit(json!({"do": "add_handle", "kind": "fixed"}))?;
         self.edit(json!({"do": "select_half_space", "point": [0, at(11.0 / 12.0), 0], "normal": [0, 1, 0]}))?;
-        let started = cpu();
+        let started = Started::now();
         self.edit(json!({"do": "add_handle", "kind": "rigid"}))?;
         self.drag(0)?;
         self.picture()?;
-        report("first drag after making handles", cpu().saturating_sub(started), None);
+        report("first drag after making handles", started.spent());
         Ok(())
     }
 
@@ -161,23 +164,23 @@ impl Bench {
         let mut times = Vec::new();
         for step in 1..=DRAGS {
             history.push(self.document.clone());
-            let started = cpu();
+            let started = Started::now();
             self.drag(step)?;
             self.picture()?;
-            times.push(cpu().saturating_sub(started));
+            times.push(started.spent());
         }
-        report("drag: solve + encode, p95", p95(&mut times), None);
+        report("drag: solve + encode, p95", quantile(&times, 0.95));
         Ok(history)
     }
 
     /// The energy after one second of the processor's time at rest, against the headless result.
     fn rest(&mut self) -> Result<(), Failure> {
-        let started = cpu();
+        let started = Started::now();
         let interrupt = Interrupt::new();
         let watch = {
             let interrupt = interrupt.clone();
             std::thread::spawn(move || {
-                while cpu().saturating_sub(started) < Duration::from_secs(1) && !interrupt.is_stopped() {
+                while started.spent().cpu < Duration::from_secs(1) && !interrupt.is_stopped() {
                     std::thread::park_timeout(Duration::from_millis(5)); // nobody wakes it: a pause
                 }
                 interrupt.stop();
@@ -191,7 +194,7 @@ impl Bench {
                 Err(error) => return Err(error.into()),
             }
         }
-        let spent = cpu().saturating_sub(started);
+        let spent = started.spent();
         interrupt.stop();
         watch.join().map_err(|_| "the watch failed")?;
         let state = serde_json::to_value(self.workspace.state(&self.document))?;
@@ -203,7 +206,7 @@ impl Bench {
             "1 s after rest: energy / headless  {:10.6}  ({}, {:.0} ms CPU)",
             energy / expected,
             state["solve"]["phase"],
-            ms(spent)
+            ms(spent.cpu)
         );
         Ok(())
     }
@@ -215,11 +218,11 @@ impl Bench {
         let solvable = Arc::new(SolvableMesh::new(model.mesh(), &run)?);
         let handles = self.document.mesh_handles();
         let last = handles.times().1;
-        let started = cpu();
+        let started = Started::now();
         let mut deformer =
             KeyframedDeformer::new(model.mesh(), solvable, handles, &pipeline.settings().keyframed(), &run)?;
         let pose = deformer.pose(last, &run)?;
-        report("headless: factorization and solve", cpu().saturating_sub(started), None);
+        report("headless: factorization and solve", started.spent());
         Ok(*pose.report.energies.last().ok_or("no energy")?)
     }
 
@@ -228,43 +231,16 @@ impl Bench {
         let texts: Vec<String> = history.iter().map(handle_text::write).collect();
         let mut times = Vec::new();
         for (document, text) in history.iter().zip(&texts).rev() {
-            let started = cpu();
+            let started = Started::now();
             self.document = document.clone();
             self.workspace.changed(&self.document);
             let state = serde_json::to_string(&self.workspace.state(&self.document))?;
-            times.push(cpu().saturating_sub(started));
+            times.push(started.spent());
             if state.is_empty() || handle_text::write(&self.document) != *text {
                 return Err("undo gave another document".into());
             }
         }
-        report("undo, p95", p95(&mut times), None);
+        report("undo, p95", quantile(&times, 0.95));
         Ok(())
     }
-}
-
-fn report(what: &str, cpu: Duration, wall: Option<Duration>) {
-    let wall = wall.map(|w| format!("  ({:.0} ms on the wall)", ms(w))).unwrap_or_default();
-    println!("{what:<34} {:8.1} ms{wall}", ms(cpu));
-}
-
-fn ms(time: Duration) -> f64 {
-    time.as_secs_f64() * 1e3
-}
-
-fn p95(times: &mut [Duration]) -> Duration {
-    times.sort_unstable();
-    times[(times.len() * 95 / 100).min(times.len() - 1)]
-}
-
-/// CPU time of this process.
-fn cpu() -> Duration {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    Duration::new(now.tv_sec.unsigned_abs(), now.tv_nsec as u32)
-}
-
-/// Resident memory, MB.
-fn resident() -> Result<f64, Failure> {
-    let status = std::fs::read_to_string("/proc/self/status")?;
-    let line = status.lines().find(|l| l.starts_with("VmRSS:")).ok_or("no VmRSS")?;
-    Ok(line.split_whitespace().nth(1).ok_or("no size")?.parse::<f64>()? / 1e3)
 }

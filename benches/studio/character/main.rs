@@ -9,12 +9,15 @@
 
 #![allow(clippy::print_stdout)] // a table of figures is its result
 
+#[path = "../measure.rs"]
+mod measure;
+
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
+use measure::{Started, quantile, report, report_memory};
 use nalgebra::{Point3, Vector3};
 use plumbline::num::math::Trs;
 use plumbline::num::run::Run;
@@ -56,8 +59,7 @@ fn main() -> Result<(), Failure> {
     let mut bench = Bench::open(&painted)?;
     let history = bench.strokes()?;
     bench.undo(&history)?;
-    println!("memory, idle                       {:8.1} MB", resident()?);
-    Ok(())
+    report_memory()
 }
 
 /// The humanoid with more joints, weighted anew.
@@ -123,7 +125,7 @@ struct Bench {
 impl Bench {
     fn open(file: &Path) -> Result<Self, Failure> {
         let mut files = DocumentFiles::new(file, std::collections::BTreeMap::default());
-        let (started, wall) = (cpu(), Instant::now());
+        let started = Started::now();
         let (mut workspace, document) = CharacterWorkspace::open(&mut files, &Run::default())?;
         workspace.changed(&document);
         let mut out = Outbox::default();
@@ -134,7 +136,7 @@ impl Bench {
         let joints = state["joints"].as_array().ok_or("no joints")?;
         bench.joints = joints.iter().filter_map(|joint| Some(joint["name"].as_str()?.to_owned())).collect();
         println!("{} joints, {} vertices", bench.joints.len(), state["mesh"]["vertices"]);
-        report("opening to rest", cpu().saturating_sub(started), Some(wall.elapsed()));
+        report("opening to rest", started.spent());
         Ok(bench)
     }
 
@@ -183,14 +185,14 @@ impl Bench {
         let (mut history, mut times) = (Vec::new(), Vec::new());
         for k in 1..=EDITS {
             history.push(self.document.clone());
-            let started = cpu();
+            let started = Started::now();
             self.edit(edit(f64::from(k) / f64::from(EDITS)))?;
             self.until(kind)?;
-            times.push(cpu().saturating_sub(started));
+            times.push(started.spent());
         }
-        let worst = p95(&mut times);
-        report(what, worst, None);
-        println!("{:<34} {:8.1} per second", "", 1.0 / worst.as_secs_f64());
+        let worst = quantile(&times, 0.95);
+        report(what, worst);
+        println!("{:<34} {:8.1} per second", "", 1.0 / worst.cpu.as_secs_f64());
         Ok(history)
     }
 
@@ -243,46 +245,19 @@ impl Bench {
         self.settle()?;
         let (mut replies, mut pictures) = (Vec::new(), Vec::new());
         for (k, document) in history.iter().enumerate().rev() {
-            let started = cpu();
+            let started = Started::now();
             self.document = document.clone();
             self.workspace.changed(&self.document);
             let state = serde_json::to_string(&self.workspace.state(&self.document))?;
-            replies.push(cpu().saturating_sub(started));
+            replies.push(started.spent());
             self.settle()?;
-            pictures.push(cpu().saturating_sub(started));
+            pictures.push(started.spent());
             if state.is_empty() || (k % every == 0 && self.texts()? != expected[k / every]) {
                 return Err("undo gave another document".into());
             }
         }
-        report("undo, p95", p95(&mut replies), None);
-        report("undo to the picture, p95", p95(&mut pictures), None);
+        report("undo, p95", quantile(&replies, 0.95));
+        report("undo to the picture, p95", quantile(&pictures, 0.95));
         Ok(())
     }
-}
-
-fn report(what: &str, cpu: Duration, wall: Option<Duration>) {
-    let wall = wall.map(|w| format!("  ({:.0} ms on the wall)", ms(w))).unwrap_or_default();
-    println!("{what:<34} {:8.1} ms{wall}", ms(cpu));
-}
-
-fn ms(time: Duration) -> f64 {
-    time.as_secs_f64() * 1e3
-}
-
-fn p95(times: &mut [Duration]) -> Duration {
-    times.sort_unstable();
-    times[(times.len() * 95 / 100).min(times.len() - 1)]
-}
-
-/// CPU time of this process.
-fn cpu() -> Duration {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    Duration::new(now.tv_sec.unsigned_abs(), now.tv_nsec as u32)
-}
-
-/// Resident memory, MB.
-fn resident() -> Result<f64, Failure> {
-    let status = std::fs::read_to_string("/proc/self/status")?;
-    let line = status.lines().find(|l| l.starts_with("VmRSS:")).ok_or("no VmRSS")?;
-    Ok(line.split_whitespace().nth(1).ok_or("no size")?.parse::<f64>()? / 1e3)
 }

@@ -9,10 +9,13 @@
 
 #![allow(clippy::print_stdout)] // a table of figures is its result
 
+#[path = "../measure.rs"]
+mod measure;
+
 use std::error::Error;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
+use measure::{Started, quantile, report, report_memory};
 use nalgebra::Matrix2x3;
 use plumbline::image::still::Photo;
 use plumbline::image::warp::{Map, WarpField};
@@ -49,9 +52,7 @@ fn main() -> Result<(), Failure> {
     bench.mark(&marks)?;
     bench.drag(&marks)?;
     bench.rest()?;
-    println!("memory, peak                       {:8.1} MB", status("VmHWM:")?);
-    println!("memory, idle                       {:8.1} MB", status("VmRSS:")?);
-    Ok(())
+    report_memory()
 }
 
 /// Writes the photo with so many megapixels; gives the scale.
@@ -88,11 +89,11 @@ struct Bench {
 impl Bench {
     fn open(file: &Path) -> Result<Self, Failure> {
         let mut files = DocumentFiles::new(file, std::collections::BTreeMap::default());
-        let (started, wall) = (cpu(), Instant::now());
+        let started = Started::now();
         let (mut workspace, document) = PhotoWorkspace::open(&mut files, &Run::default())?;
         let mut out = Outbox::default();
         workspace.greet(&document, &mut out);
-        report("opening to the source on the page", cpu().saturating_sub(started), Some(wall.elapsed()));
+        report("opening to the source on the page", started.spent());
         workspace.view(&document, View { size: Some(SCREEN), ..View::default() })?;
         Ok(Self { workspace, document, out })
     }
@@ -127,10 +128,10 @@ impl Bench {
     fn drag(&mut self, lines: &[Value]) -> Result<(), Failure> {
         let (line, start) = (3, &lines[3]["points"][0]);
         let (x, y) = (start[0].as_f64().ok_or("a point")?, start[1].as_f64().ok_or("a point")?);
-        let (mut times, mut walls) = (Vec::new(), Vec::new());
+        let mut times = Vec::new();
         for k in 0..DRAGS {
             let phase = f64::from(k) * 0.2;
-            let (started, wall) = (cpu(), Instant::now());
+            let started = Started::now();
             let (x, y) = (x + 30.0 * phase.sin(), y + 20.0 * (0.7 * phase).sin());
             self.edit(json!({ "do": "move_point", "line": line, "point": 0, "x": x, "y": y }))?;
             self.picture()?;
@@ -138,47 +139,23 @@ impl Bench {
             if state["result"]["exact"] == true {
                 return Err("a drag was solved exactly".into());
             }
-            times.push(cpu().saturating_sub(started));
-            walls.push(wall.elapsed());
+            times.push(started.spent());
+            eprintln!(" | {k} {:?}", times.last());
         }
-        report("line drag, first update", times[0], Some(walls[0]));
-        report("line drag, median of the others", quantile(&mut times[1..], 0.5), Some(quantile(&mut walls[1..], 0.5)));
-        report("line drag, p95 of all", quantile(&mut times, 0.95), Some(quantile(&mut walls, 0.95)));
+        report("line drag, first update", times[0]);
+        report("line drag, median of the others", quantile(&times[1..], 0.5));
+        report("line drag, p95 of all", quantile(&times, 0.95));
         Ok(())
     }
 
     fn rest(&mut self) -> Result<(), Failure> {
-        let (started, wall) = (cpu(), Instant::now());
+        let started = Started::now();
         while self.workspace.work(&self.document, &mut self.out, &Run::default())? == Work::More {}
         let state = serde_json::to_value(self.workspace.state(&self.document))?;
-        report("to rest", cpu().saturating_sub(started), Some(wall.elapsed()));
+        report("to rest", started.spent());
         if state["result"]["exact"] != true {
             return Err(format!("no exact result: {}", state["problem"]).into());
         }
         Ok(())
     }
-}
-
-fn quantile(times: &mut [Duration], q: f64) -> Duration {
-    times.sort_unstable();
-    times[((times.len() - 1) as f64 * q).round() as usize]
-}
-
-fn report(what: &str, cpu: Duration, wall: Option<Duration>) {
-    let ms = |d: Duration| 1e3 * d.as_secs_f64();
-    let wall = wall.map_or_else(String::new, |wall| format!("   ({:.1} ms on the clock)", ms(wall)));
-    println!("{what:34} {:8.1} ms{wall}", ms(cpu));
-}
-
-/// CPU time of the process.
-fn cpu() -> Duration {
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    Duration::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).unwrap_or(0))
-}
-
-/// A line of the kernel's status of this process, MB.
-fn status(name: &str) -> Result<f64, Failure> {
-    let text = std::fs::read_to_string("/proc/self/status")?;
-    let line = text.lines().find(|line| line.starts_with(name)).ok_or("no such line")?;
-    Ok(line.split_whitespace().nth(1).ok_or("no number")?.parse::<f64>()? / 1024.0)
 }

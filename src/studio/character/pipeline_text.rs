@@ -6,7 +6,7 @@ use std::sync::Arc;
 use toml_edit::Value;
 
 use crate::error::StudioError;
-use crate::pipeline_file::{checked, with_settings};
+use crate::pipeline_file::{self, Change, checked, setting};
 use plumbline_app::pipeline::Graph;
 use plumbline_app::pipeline::file::literal_path;
 use plumbline_app::pipeline::graph::Stage;
@@ -109,7 +109,9 @@ impl PipelineText {
     /// # Errors
     /// [`StudioError::Request`].
     pub fn with(&self, settings: &[(&str, serde_json::Value)]) -> Result<Self, StudioError> {
-        self.edited(&self.read.pose, settings)
+        let pose = self.read.pose.as_str();
+        let changes = settings.iter().map(|(key, value)| Ok((pose, *key, setting(key, value)?)));
+        self.edited(&changes.collect::<Result<Vec<_>, StudioError>>()?)
     }
 
     /// The text with another file of the skeleton.
@@ -117,7 +119,7 @@ impl PipelineText {
     /// # Errors
     /// [`StudioError::Request`].
     pub fn with_skeleton(&self, file: &Path) -> Result<Self, StudioError> {
-        self.edited(&self.read.load, &[("path", beside(&self.path, file).into())])
+        self.edited(&[(&self.read.load, "path", Some(beside(&self.path, file).into()))])
     }
 
     /// The text for which a run writes so many poses of a clip, or one pose without a clip.
@@ -125,27 +127,20 @@ impl PipelineText {
     /// # Errors
     /// [`StudioError::Request`].
     pub fn writing(&self, clip: Option<&str>, frames: u32) -> Result<Self, StudioError> {
-        let count = if frames == 1 { serde_json::Value::Null } else { frames.into() };
-        let mut settings = vec![("clip", clip.into()), ("frames", count.clone())];
+        let count = (frames != 1).then(|| i64::from(frames).into());
+        let pose = self.read.pose.as_str();
+        let mut changes = vec![(pose, "clip", clip.map(Into::into)), (pose, "frames", count.clone())];
         if clip.is_some() {
-            settings.push(("pose", serde_json::Value::Null));
+            changes.push((pose, "pose", None));
         }
-        let mut text = with_settings(&self.text, &self.read.pose, &settings)?;
         if let Some(save) = &self.read.save {
-            text = with_settings(&text, save, &[("frames", count)])?;
+            changes.push((save, "frames", count));
         }
-        self.reread(&text)
+        self.edited(&changes)
     }
 
-    fn edited(&self, stage: &str, settings: &[(&str, serde_json::Value)]) -> Result<Self, StudioError> {
-        self.reread(&with_settings(&self.text, stage, settings)?)
-    }
-
-    fn reread(&self, text: &str) -> Result<Self, StudioError> {
-        Self::read(&self.path, text).map_err(|error| match error {
-            StudioError::Input { why, .. } => StudioError::Request(why),
-            other => other,
-        })
+    fn edited(&self, changes: &[Change<'_>]) -> Result<Self, StudioError> {
+        pipeline_file::edited(&self.path, &self.text, changes, Self::read)
     }
 }
 

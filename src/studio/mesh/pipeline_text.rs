@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::Value as Json;
-use toml_edit::{DocumentMut, Item, Value};
+use toml_edit::Value;
 
 use crate::error::StudioError;
+use crate::pipeline_file::{self, Change, checked, setting};
 use plumbline_app::pipeline::file::literal_path;
 use plumbline_app::pipeline::paths::to_path;
-use plumbline_app::pipeline::{self, Graph, Problems, Source};
+use plumbline_app::pipeline::{self, Graph};
 use plumbline_app::stages::{MeshDeformSettings, MeshLoadSettings, MeshSaveSettings};
 
 /// A pipeline file with a stage `mesh.deform`.
@@ -45,17 +46,8 @@ impl PipelineText {
     /// # Errors
     /// The first fault, with its line; a pipeline that deforms no mesh, or one that is not read from a file.
     pub fn read(path: &Path, text: &str) -> Result<Self, StudioError> {
-        let fail = |why: String| StudioError::Input { path: path.to_owned(), why };
-        let source = Source {
-            name: path.display().to_string(),
-            text: text.to_owned(),
-            base: Some(plumbline_num::files::folder_of(path).to_owned()),
-        };
-        let checked = pipeline::read(source, &[]).map_err(|problems| fail(first_fault(&problems)))?;
-        if checked.batch.is_some() {
-            return Err(fail("works on several items ([batch]): open the mesh of one of them".to_owned()));
-        }
-        let read = Read::of(&checked.graph).map_err(fail)?;
+        let graph = checked(path, text)?;
+        let read = Read::of(&graph).map_err(|why| StudioError::Input { path: path.to_owned(), why })?;
         Ok(Self { path: path.into(), text: text.into(), read: Arc::new(read) })
     }
 
@@ -121,7 +113,7 @@ impl PipelineText {
         if ["handles", "use", "inputs", "enable", "report"].contains(&key) {
             return Err(StudioError::request(format!("`{key}` is not set here")));
         }
-        self.edited(&[(&self.read.deform, key, value)])
+        self.edited(&[(&self.read.deform, key, setting(key, value)?)])
     }
 
     /// The text with another number of poses, in the stage that writes them too; `seconds` for one file that moves.
@@ -129,11 +121,10 @@ impl PipelineText {
     /// # Errors
     /// [`StudioError::Request`].
     pub fn with_frames(&self, frames: u32, seconds: Option<f64>) -> Result<Self, StudioError> {
-        let count = if frames == 1 { Json::Null } else { frames.into() };
-        let seconds = seconds.map_or(Json::Null, Json::from);
-        let mut all = vec![(self.read.deform.as_str(), "frames", &count)];
-        if let Some(save) = &self.read.save {
-            all.extend([(save.as_str(), "frames", &count), (save.as_str(), "seconds", &seconds)]);
+        let count = (frames != 1).then(|| Value::from(i64::from(frames)));
+        let mut all = vec![(self.read.deform.as_str(), "frames", count.clone())];
+        if let Some(save) = self.read.save.as_deref() {
+            all.extend([(save, "frames", count), (save, "seconds", seconds.map(Value::from))]);
         }
         self.edited(&all)
     }
@@ -152,21 +143,11 @@ impl PipelineText {
                 "`{name}` is not a file name (expected NAME.obj, beside the pipeline)"
             )));
         }
-        self.edited(&[(save, "path", &literal_path(Path::new(name)).into())])
+        self.edited(&[(save, "path", Some(literal_path(Path::new(name)).into()))])
     }
 
-    fn edited(&self, changes: &[(&str, &str, &Json)]) -> Result<Self, StudioError> {
-        let mut document: DocumentMut =
-            self.text.parse().map_err(|e: toml_edit::TomlError| StudioError::request(e.message().to_owned()))?;
-        for (stage, key, value) in changes {
-            let table = document.get_mut("stage").and_then(|s| s.get_mut(stage)).and_then(Item::as_table_like_mut);
-            let table = table.ok_or_else(|| StudioError::request(format!("there is no stage `{stage}`")))?;
-            set(table, key, value)?;
-        }
-        Self::read(&self.path, &document.to_string()).map_err(|error| match error {
-            StudioError::Input { why, .. } => StudioError::Request(why),
-            other => other,
-        })
+    fn edited(&self, changes: &[Change<'_>]) -> Result<Self, StudioError> {
+        pipeline_file::edited(&self.path, &self.text, changes, Self::read)
     }
 }
 
@@ -192,46 +173,4 @@ impl Read {
             mesh: to_path(&load.path),
         })
     }
-}
-
-/// Sets or removes a key; the spaces and the comment beside a value stay.
-fn set(table: &mut dyn toml_edit::TableLike, key: &str, value: &Json) -> Result<(), StudioError> {
-    let new = match value {
-        Json::Null => {
-            table.remove(key);
-            return Ok(());
-        }
-        Json::Bool(b) => Value::from(*b),
-        Json::Number(n) => match n.as_i64() {
-            Some(whole) => Value::from(whole),
-            None => Value::from(n.as_f64().unwrap_or(f64::NAN)),
-        },
-        Json::String(text) => Value::from(text.as_str()),
-        Json::Array(_) | Json::Object(_) => {
-            return Err(StudioError::request(format!("`{key}` is a number, a word, true or false")));
-        }
-    };
-    match table.get_mut(key).and_then(Item::as_value_mut) {
-        Some(old) => {
-            let decor = old.decor().clone();
-            *old = new;
-            *old.decor_mut() = decor;
-        }
-        None => {
-            table.insert(key, Item::Value(new));
-        }
-    }
-    Ok(())
-}
-
-/// The first fault with its line, and how many more there are.
-fn first_fault(problems: &Problems) -> String {
-    let Some(first) = problems.problems.first() else { return "is no pipeline".to_owned() };
-    let line = first.labels.first().map(|(span, _)| format!("line {}: ", problems.sources.line_column(*span).0));
-    let label = first.labels.first().map(|(_, text)| format!(" ({text})")).unwrap_or_default();
-    let more = match problems.problems.len() {
-        1 => String::new(),
-        n => format!("; and {} more", n - 1),
-    };
-    format!("{}{}{label}{more}", line.unwrap_or_default(), first.message)
 }

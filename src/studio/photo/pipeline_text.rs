@@ -6,13 +6,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use toml_edit::{DocumentMut, Item, TableLike, Value};
+use toml_edit::Value;
 
 use crate::error::StudioError;
+use crate::pipeline_file::{self, checked};
 use plumbline_app::pipeline::file::literal_path;
 use plumbline_app::pipeline::graph::Stage;
 use plumbline_app::pipeline::paths::to_path;
-use plumbline_app::pipeline::{self, Graph, Problems, Source};
+use plumbline_app::pipeline::{self, Graph};
 use plumbline_app::stages::{
     FacesDetectSettings, FacesLoadSettings, ImageLoadSettings, ImageRenderSettings, ImageSaveSettings,
     ImportanceSettings, LinesDetectSettings, LinesLoadSettings, PhotoRectifySettings,
@@ -93,14 +94,8 @@ impl PipelineText {
     /// # Errors
     /// The first fault, with its line; a pipeline that rectifies no photo, or several.
     pub fn read(path: &Path, text: &str) -> Result<Self, StudioError> {
-        let fail = |why: String| StudioError::Input { path: path.to_owned(), why };
-        let base = Some(plumbline_num::files::folder_of(path).to_owned());
-        let source = Source { name: path.display().to_string(), text: text.to_owned(), base };
-        let checked = pipeline::read(source, &[]).map_err(|problems| fail(first_fault(&problems)))?;
-        if checked.batch.is_some() {
-            return Err(fail("works on several photos ([batch]): open one of the photos instead".to_owned()));
-        }
-        let read = Read::of(&checked.graph).map_err(fail)?;
+        let graph = checked(path, text)?;
+        let read = Read::of(&graph).map_err(|why| StudioError::Input { path: path.to_owned(), why })?;
         Ok(Self { path: path.into(), text: text.into(), read: Arc::new(read) })
     }
 
@@ -145,20 +140,10 @@ impl PipelineText {
     ///
     /// # Errors
     /// [`StudioError::Request`] with the allowed values.
-    pub(super) fn with(&self, changes: &[Change<'_>]) -> Result<Self, StudioError> {
-        let mut document: DocumentMut =
-            self.text.parse().map_err(|e: toml_edit::TomlError| StudioError::request(e.message().to_owned()))?;
-        for (part, key, value) in changes {
-            let Some(stage) = self.read.names.of(*part) else { continue };
-            let table = document.get_mut("stage").and_then(|s| s.get_mut(stage)).and_then(Item::as_table_like_mut);
-            let table = table.ok_or_else(|| StudioError::request(format!("there is no stage `{stage}`")))?;
-            set(table, key, value.clone());
-        }
-        let refused = |error| match error {
-            StudioError::Input { why, .. } => StudioError::Request(why),
-            other => other,
-        };
-        Self::read(&self.path, &document.to_string()).map_err(refused)
+    pub(super) fn with<'c>(&'c self, changes: &[Change<'c>]) -> Result<Self, StudioError> {
+        let of_stage = |(part, key, value): &Change<'c>| Some((self.read.names.of(*part)?, *key, value.clone()));
+        let changes: Vec<_> = changes.iter().filter_map(of_stage).collect();
+        pipeline_file::edited(&self.path, &self.text, &changes, Self::read)
     }
 
     /// The text that takes faces from a file.
@@ -266,35 +251,6 @@ fn lines_file(stage: &Stage) -> Option<PathBuf> {
 /// The stage that a port takes its data from.
 fn source<'s>(stages: &'s [Stage], stage: &Stage, port: &str) -> Option<&'s Stage> {
     stage.edges.iter().find(|edge| edge.port.name == port).map(|edge| &stages[edge.from])
-}
-
-/// Sets or removes a key; the spaces and the comment beside a value stay.
-fn set(table: &mut dyn TableLike, key: &str, value: Option<Value>) {
-    let Some(new) = value else {
-        table.remove(key);
-        return;
-    };
-    match table.get_mut(key).and_then(Item::as_value_mut) {
-        Some(old) => {
-            let decor = old.decor().clone();
-            *old = new;
-            *old.decor_mut() = decor;
-        }
-        None => {
-            table.insert(key, Item::Value(new));
-        }
-    }
-}
-
-/// The first fault with its line, and how many more there are.
-fn first_fault(problems: &Problems) -> String {
-    let Some(first) = problems.problems.first() else { return "is no pipeline".to_owned() };
-    let line = first.labels.first().map(|(span, _)| format!("line {}: ", problems.sources.line_column(*span).0));
-    let more = match problems.problems.len() {
-        1 => String::new(),
-        n => format!("; and {} more", n - 1),
-    };
-    format!("{}{}{more}", line.unwrap_or_default(), first.message)
 }
 
 fn template(photo: &str, lines: &str, faces: &str, output: &str) -> String {

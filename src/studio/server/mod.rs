@@ -9,6 +9,7 @@ mod examples;
 mod folders;
 mod guard;
 mod recent;
+mod session_folder;
 mod socket;
 mod tls;
 mod tokens;
@@ -135,8 +136,8 @@ impl Studio {
         }
         let recovery = state.map(|folder| Recovery::in_folder(folder.join("recovery"))).transpose();
         let recovery = recovery.map_err(|e| environment("the folder of unsaved changes cannot be made", e))?;
-        let uploads = Uploads::new(state).map_err(|e| environment("no folder for dropped files can be made", e))?;
-        let uploads = uploads.with_recovery(recovery.clone());
+        let uploads = Uploads::new(state, recovery.clone());
+        let uploads = uploads.map_err(|e| environment("no folder for dropped files can be made", e))?;
         let folders = Folders::new(&options.folders, uploads.root())?;
         let downloads = Arc::<Downloads>::default();
         let surroundings = Surroundings {

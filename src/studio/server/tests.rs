@@ -325,6 +325,35 @@ fn dropped_files_go_to_a_folder_of_the_session_whatever_their_name_is() {
 }
 
 #[test]
+fn a_mesh_that_is_dropped_with_the_files_it_names_is_opened_with_them() {
+    let server = running();
+    let session = [("x-plumbline-session", server.session.as_str())];
+    let scene = json!({
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "points.bin", "byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    });
+    // Corners (0, 0, 0), (2, 0, 0), (0, 2, 0) as 32-bit numbers, whose bytes are letters.
+    let (zero, two) = ("\0\0\0\0", "\0\0\0@");
+    let points = [zero, zero, zero, two, zero, zero, zero, two, zero].concat();
+    let drop_file = |name: &str, drop: &str, body: &str| {
+        let answer = server.request("POST", &format!("/api/upload?name={name}{drop}"), &session, body);
+        assert_eq!(answer.status, 200, "{}", answer.json());
+        answer.json()["path"].as_str().expect("a path").to_owned()
+    };
+    let alone = drop_file("a.gltf", "", &scene.to_string());
+    let refused = server.post("/api/open", &json!({ "path": alone }));
+    assert!(refused.json()["error"].as_str().is_some_and(|e| e.contains("points.bin")), "{}", refused.json());
+    let mesh = drop_file("a.gltf", "&drop=1", &scene.to_string());
+    drop_file("points.bin", "&drop=1", &points);
+    server.open(&mesh);
+}
+
+#[test]
 fn opening_something_that_is_no_document_says_why() {
     let server = running();
     let project = server.folder.path().join("project");

@@ -181,6 +181,8 @@ fn notice(level: Level, text: impl Into<String>) -> ToPage {
     ToPage::Notice(Notice { level, text: text.into() })
 }
 
+#[cfg(all(test, target_os = "linux"))]
+mod full_disk_tests;
 #[cfg(test)]
 mod test_document;
 #[cfg(test)]

@@ -39,14 +39,15 @@ const send = (page, messages) => page.evaluate(async (texts) => {
   return { answers: answers(), state: state() };
 }, messages.map((message) => (typeof message === "string" ? message : JSON.stringify(message))));
 
-/** What the browser says when a file is dragged over the window and dropped. */
-const drop = (page, name, text, kinds) => page.evaluate(([name, text, kinds]) => {
+/** What the browser says when files are dragged over the window and dropped: names and texts. */
+const dropAll = (page, files, kinds) => page.evaluate(([files, kinds]) => {
   for (const kind of kinds) {
     const dataTransfer = new DataTransfer();
-    dataTransfer.items.add(new File([text], name));
+    for (const [name, text] of files) dataTransfer.items.add(new File([text], name));
     window.dispatchEvent(new DragEvent(kind, { dataTransfer, bubbles: true, cancelable: true }));
   }
-}, [name, text, kinds]);
+}, [files, kinds]);
+const drop = (page, name, text, kinds) => dropAll(page, [[name, text]], kinds);
 
 /** A link for one more window. */
 const newLink = (page) => page.evaluate(async () => {
@@ -223,6 +224,24 @@ test("a file dropped on the window is opened", async ({ page }) => {
   await drop(page, "dropped.fake", NUMBERS, ["drop"]);
   await tab(page, "dropped.fake").waitFor();
   await until(async () => (await sum(page)) === 6, "the numbers");
+});
+
+test("of files that are dropped together the one that names the others is opened, with them", async ({ page }) => {
+  await ready(page);
+  const scene = {
+    asset: { version: "2.0" },
+    buffers: [{ uri: "points.bin", byteLength: 36 }],
+    bufferViews: [{ buffer: 0, byteLength: 36 }],
+    accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: "VEC3", min: [0, 0, 0], max: [2, 2, 0] }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 } }] }],
+    nodes: [{ mesh: 0 }],
+    scenes: [{ nodes: [0] }],
+  };
+  // (0, 0, 0), (2, 0, 0), (0, 2, 0) as 32-bit numbers: 2 is the bytes 0, 0, 0, "@".
+  const two = "\0\0\0@", zero = "\0\0\0\0";
+  const points = zero.repeat(3) + two + zero.repeat(3) + two + zero;
+  await dropAll(page, [["points.bin", points], ["other.fake", NUMBERS], ["scene.gltf", JSON.stringify(scene)]], ["drop"]);
+  await tab(page, "scene.gltf").waitFor();
 });
 
 test("an example opens as a copy", { media: ["giraffe.ply", "humanoid.glb"] }, async ({ page, server }) => {

@@ -87,9 +87,11 @@ export async function newLink(): Promise<string> {
   return `${location.origin}/#token=${token}`;
 }
 
-/** Stores a dropped file in the session's folder and gives its path. */
-export const upload = (file: File) =>
-  request(`/api/upload?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file }) as Promise<{ path: string }>;
+/** Stores a dropped file in the session's folder and gives its path. Files with the same word for `drop` are beside each other. */
+export function upload(file: File, drop?: string): Promise<{ path: string }> {
+  const query = new URLSearchParams(drop === undefined ? { name: file.name } : { name: file.name, drop });
+  return request(`/api/upload?${query}`, { method: "POST", body: file }) as Promise<{ path: string }>;
+}
 
 /** A socket to a document. */
 export function openSocket(document: string): WebSocket {

@@ -71,11 +71,20 @@ export async function openPath(path: string, workspace?: "character"): Promise<v
   await attempt(async () => add(await openFile(path, workspace)));
 }
 
-/** Stores files that were dropped, then opens the first that is a document. */
+/** Files that name others, before those that they name: a pipeline its mesh, a mesh its textures. */
+const NAMING = [/\.toml$/i, /\.(gltf|glb|obj|ply|off|stl)$/i];
+
+function rank({ name }: File): number {
+  const at = NAMING.findIndex((ending) => ending.test(name));
+  return at < 0 ? NAMING.length : at;
+}
+
+/** Stores files that were dropped beside each other, then opens the first that is a document. */
 export async function openDropped(files: readonly File[]): Promise<void> {
   await attempt(async () => {
+    const drop = crypto.randomUUID();
     const paths: string[] = [];
-    for (const file of files) paths.push((await upload(file)).path);
+    for (const file of [...files].sort((a, b) => rank(a) - rank(b))) paths.push((await upload(file, drop)).path);
     let refusal: unknown = null;
     for (const path of paths) {
       try {
