@@ -22,8 +22,8 @@ use plumbline::image::warp::{Map, WarpField};
 use plumbline::num::run::Run;
 use plumbline_studio::files::DocumentFiles;
 use plumbline_studio::outbox::Outbox;
-use plumbline_studio::photo::{BufferKind, PhotoDocument, PhotoWorkspace, View};
-use plumbline_studio::workspace::{Work, Workspace};
+use plumbline_studio::photo::{Ask, BufferKind, PhotoDocument, PhotoWorkspace, View};
+use plumbline_studio::workspace::{Answer, Work, Workspace};
 use serde_json::{Value, json};
 
 const DRAGS: u32 = 150;
@@ -52,6 +52,7 @@ fn main() -> Result<(), Failure> {
     bench.mark(&marks)?;
     bench.drag(&marks)?;
     bench.rest()?;
+    bench.export()?;
     report_memory()
 }
 
@@ -81,6 +82,7 @@ fn marks(file: &Path, scale: f64) -> Result<Vec<Value>, Failure> {
 }
 
 struct Bench {
+    files: DocumentFiles,
     workspace: PhotoWorkspace,
     document: PhotoDocument,
     out: Outbox,
@@ -95,7 +97,7 @@ impl Bench {
         workspace.greet(&document, &mut out);
         report("opening to the source on the page", started.spent());
         workspace.view(&document, View { size: Some(SCREEN), ..View::default() })?;
-        Ok(Self { workspace, document, out })
+        Ok(Self { files, workspace, document, out })
     }
 
     fn edit(&mut self, edit: Value) -> Result<(), Failure> {
@@ -140,7 +142,6 @@ impl Bench {
                 return Err("a drag was solved exactly".into());
             }
             times.push(started.spent());
-            eprintln!(" | {k} {:?}", times.last());
         }
         report("line drag, first update", times[0]);
         report("line drag, median of the others", quantile(&times[1..], 0.5));
@@ -156,6 +157,15 @@ impl Bench {
         if state["result"]["exact"] != true {
             return Err(format!("no exact result: {}", state["problem"]).into());
         }
+        Ok(())
+    }
+
+    fn export(&mut self) -> Result<(), Failure> {
+        let started = Started::now();
+        let answer = self.workspace.ask(&self.document, Ask::Export, &self.files, &Run::default())?;
+        let Answer::Download { bytes, .. } = answer else { return Err("an export is a file".into()) };
+        report("export at full size", started.spent());
+        println!("the file                             {:8.1} MB", bytes.len() as f64 / 1e6);
         Ok(())
     }
 }

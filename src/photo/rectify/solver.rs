@@ -3,7 +3,7 @@
 //! Unknowns are the vertices `u_i` of a grid that is regular in a conformal chart of the viewing sphere, at `s_i` there.
 //!
 //! ```text
-//! E  = w_c E_c + w_s E_s + w_l E_l + w_f E_f + ε Σᵢ ‖u_i − s_i‖²
+//! E  = w_c E_c + w_s E_s + w_l E_l + w_f E_f + ε Σᵢ ‖u_i − (s_i − s̄)‖²
 //! E_c = ¼ Σ_cells w² Σ_corners ‖e_v − R e_u‖²                 the two edges of a corner: equally long, at right angles
 //! E_s = (ℓ/h)² Σ ‖second differences of u‖²                   scale changes slowly; h: a cell, ℓ: a length on the sphere
 //! E_l   lines are straight                                    `straight.rs`
@@ -16,9 +16,12 @@
 //! belongs to its own grid; `ℓ` says the same for any grid. `E_s` is measured in the chart, so that the chart itself
 //! costs nothing.
 //!
-//! **Scale.** `u = 0` would be straight, conformal and smooth. The minimizer under `Σ u·s = Σ s·s` is the minimizer of
-//! `E` with the small regularization `ε`, up to a factor: the energy without it is homogeneous. `ε` also fixes the
-//! translation.
+//! **Scale.** `u = 0` would be straight, conformal and smooth. The minimizer under `Σ u·s = Σ s·s`, `s` from its mean `s̄`, is the
+//! minimizer of `E` with the small regularization `ε`, up to a factor: the energy without it is homogeneous.
+//!
+//! **Translation.** The energy does not see it; `ε` makes the mean of `u` zero, and `s̄` is added after scaling. (With `s` instead of
+//! `s − s̄` in the regularization the mean would be scaled, too: by a factor of hundreds, which follows the energy. A line dragged
+//! by a few pixels then moved the plane by thousands.)
 //!
 //! **Rotation.** Where no line has an orientation, the constraint `Σ s × u = 0` fixes the rotation: a multiple of the
 //! response to the right-hand side `R s` is subtracted. Without it the linearized lines of `straight.rs` would accept
@@ -96,6 +99,8 @@ impl Default for EnergyWeights {
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub(super) sphere: SphereGrid,
+    /// `s̄`: mean of the vertices in the chart.
+    mean: Vec2,
     faces: Vec<FaceTarget>,
     weights: EnergyWeights,
     /// Weights of the cells without the lines'.
@@ -146,12 +151,14 @@ impl Sheet {
         let n = 2 * sphere.grid.vertex_count();
         let ordering = Ordering::NestedDissection((0..n).map(position).map(|p| [p.x, p.y, 0.0]).collect());
         let energy = BorderedEnergy::new(n, list.iter().map(Vec::as_slice), &ordering)?;
-        Ok(Self { sphere, faces, weights, base, energy, smooth, regularization, forms: CellForms::new() })
+        let count = sphere.grid.vertex_count();
+        let mean = (0..count).map(|i| sphere.vertex(i)).sum::<Vec2>() / count as f64;
+        Ok(Self { sphere, mean, faces, weights, base, energy, smooth, regularization, forms: CellForms::new() })
     }
 
-    /// The vertices in the chart: the regular grid.
+    /// The vertices in the chart from their mean: the regular grid.
     fn rest(&self) -> Vec<Vec2> {
-        (0..self.sphere.grid.vertex_count()).map(|i| self.sphere.vertex(i)).collect()
+        (0..self.sphere.grid.vertex_count()).map(|i| self.sphere.vertex(i) - self.mean).collect()
     }
 
     /// The minimizer without folds, in chart units; lines are first linearized about `initial`. With
@@ -269,9 +276,11 @@ impl Sheet {
         Ok(self.mesh(found.into_iter().map(|u| scale * u).collect()))
     }
 
+    /// Vertices from their mean as a mesh in the chart.
     fn mesh(&self, vertices: Vec<Vec2>) -> GridMesh {
         let grid = &self.sphere.grid;
-        GridMesh { cols: grid.cols, rows: grid.rows, vertices: vertices.into_iter().map(Point2::from).collect() }
+        let vertices = vertices.into_iter().map(|u| Point2::from(u + self.mean)).collect();
+        GridMesh { cols: grid.cols, rows: grid.rows, vertices }
     }
 
     /// `E_c` and `E_s`.
@@ -322,7 +331,7 @@ impl Sheet {
     fn add_regularization(&mut self) {
         self.energy.add_everywhere(PIVOT_FLOOR, 0.0);
         for i in 0..self.sphere.grid.vertex_count() {
-            let s = self.sphere.vertex(i);
+            let s = self.sphere.vertex(i) - self.mean;
             self.energy.add(self.regularization + 2 * i, REGULARIZATION, &[1.0], s.x);
             self.energy.add(self.regularization + 2 * i + 1, REGULARIZATION, &[1.0], s.y);
         }

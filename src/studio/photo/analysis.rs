@@ -19,8 +19,12 @@ use plumbline_photo::Line;
 /// Pixels up to which the whole photo stays in memory. A larger one is read again for an export, and zoomed into as far as its copy
 /// of so many pixels shows.
 const MAX_KEPT_PIXELS: usize = 40_000_000;
-/// Longest side of the copy from which results are drawn while something is dragged, px: that of a large window.
-const DRAFT_SIDE: usize = 1280;
+/// Longest sides of the copies from which results are drawn while something is dragged, px: the first is that of a large window,
+/// each has half of the pixels of the one before.
+const DRAFT_SIDES: [usize; 5] = [1280, 905, 640, 453, 320];
+/// Pixels of a copy that a pixel of the screen spans at most: up to here the renderer takes one sample of it, beyond the mean of four
+/// or more.
+const MAX_SPAN: f64 = 1.2;
 
 /// The photo, and what is found in it.
 #[derive(Debug)]
@@ -33,8 +37,8 @@ pub(super) struct Analysis {
     pub(super) search: Option<LineSearch>,
     /// The photo, until everything was searched, and beyond where it is not too large.
     pub(super) detail: Photo,
-    /// A small copy.
-    pub(super) draft: Photo,
+    /// Small copies, the largest first.
+    drafts: Vec<Photo>,
     /// Faces that were found.
     pub(super) faces: Option<Arc<[Face]>>,
     /// Importance that was judged.
@@ -61,15 +65,22 @@ impl Analysis {
         run.check()?;
         let clues = LensClues::of(&photo);
         let search = LineSearch::of(&photo.frame);
-        let draft = smaller(&photo, DRAFT_SIDE, run)?;
+        let drafts = drafts_of(&photo, run)?;
         let size = (photo.frame.width, photo.frame.height);
         let warnings = std::mem::take(&mut photo.warnings);
-        Ok(Self { size, clues, search, detail: photo, draft, faces: None, importance: None, warnings, found: None })
+        Ok(Self { size, clues, search, detail: photo, drafts, faces: None, importance: None, warnings, found: None })
     }
 
     /// Width and height, px.
     pub(super) fn sides(&self) -> (f64, f64) {
         (self.size.0 as f64, self.size.1 as f64)
+    }
+
+    /// The copy for drags where a pixel of the screen spans `scale` pixels of the photo: the largest of which it spans no more than
+    /// [`MAX_SPAN`].
+    pub(super) fn draft(&self, scale: f64) -> &Photo {
+        let fits = |copy: &&Photo| scale * copy.frame.width as f64 <= MAX_SPAN * self.size.0 as f64;
+        self.drafts.iter().find(fits).unwrap_or(&self.drafts[self.drafts.len() - 1])
     }
 
     /// Judges importance and finds faces, where that was not done; then the photo shrinks to what is kept.
@@ -140,6 +151,15 @@ fn input(path: &Path, error: RunError) -> StudioError {
             StudioError::Input { path: path.to_owned(), why }
         }
     }
+}
+
+/// Copies for drags, each from the one before.
+fn drafts_of(photo: &Photo, run: &Run) -> Result<Vec<Photo>, StudioError> {
+    let mut drafts: Vec<Photo> = Vec::new();
+    for side in DRAFT_SIDES {
+        drafts.push(smaller(drafts.last().unwrap_or(photo), side, run)?);
+    }
+    Ok(drafts)
 }
 
 /// A copy whose longer side is at most so long, as the mean over its pixels.

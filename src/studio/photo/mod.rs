@@ -80,10 +80,12 @@ struct Due {
     picture: bool,
     /// The part of the source that is seen.
     source: bool,
+    /// What the next drag starts from.
+    next_drag: bool,
 }
 
 impl Due {
-    const ALL: Self = Self { marks: true, draft: true, exact: true, picture: true, source: true };
+    const ALL: Self = Self { marks: true, draft: true, exact: true, picture: true, source: true, next_drag: false };
 }
 
 impl Workspace for PhotoWorkspace {
@@ -162,7 +164,7 @@ impl Workspace for PhotoWorkspace {
         }
         self.send_marks(document, out);
         // Pictures come with the next slice: the page says how large it is first.
-        self.due = Due { draft: self.due.draft, exact: self.due.exact, ..Due::ALL };
+        self.due = Due { draft: self.due.draft, exact: self.due.exact, next_drag: self.due.next_drag, ..Due::ALL };
     }
 
     fn work(&mut self, document: &PhotoDocument, out: &mut Outbox, run: &Run) -> Result<Work, StudioError> {

@@ -11,7 +11,7 @@ use plumbline_app::stages::photo_steps::rendered_part;
 use plumbline_image::Frame;
 use plumbline_image::still::{Photo, SaveOptions, StillFormat, encode, rgb_of_frame};
 use plumbline_image::warp::{Lattice, Map, WarpField};
-use plumbline_num::math::{Point2, Rect};
+use plumbline_num::math::{Point2, PointMap as _, Rect, Vec2};
 use plumbline_num::run::Run;
 use plumbline_photo::PhotoWarp;
 
@@ -19,6 +19,9 @@ use plumbline_photo::PhotoWarp;
 pub(super) const SOURCE_SIDE: usize = 2560;
 /// Quality of the source for the page.
 const SOURCE_QUALITY: u8 = 90;
+
+/// Places along each side of a part at which its scale is measured.
+const SCALE_SAMPLES: usize = 9;
 
 /// A part of a picture and the pixels it is shown with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +41,22 @@ impl Part {
         let fit = (screen.0 as f64 / rect.width()).min(screen.1 as f64 / rect.height()).min(1.0);
         let side = |length: f64| ((fit * length).round() as usize).max(1);
         Self { rect, size: (side(rect.width()), side(rect.height())) }
+    }
+
+    /// Pixels of the photo that a sample spans along the longer of its sides: the upper decile over the part. (In the middle alone a
+    /// wide perspective photo spans half of what it does elsewhere.)
+    pub(super) fn scale(&self, warp: &PhotoWarp) -> f64 {
+        let step = self.rect.width() / self.size.0 as f64;
+        let fraction = |k: usize| (k as f64 + 0.5) / SCALE_SAMPLES as f64;
+        let span = |k: usize| {
+            let p = self.rect.at(fraction(k % SCALE_SAMPLES), fraction(k / SCALE_SAMPLES));
+            let at = |dx, dy| warp.field.map(p + Vec2::new(dx, dy));
+            let (here, right, below) = (at(0.0, 0.0)?, at(step, 0.0)?, at(0.0, step)?);
+            Some((right - here).norm().max((below - here).norm()))
+        };
+        let mut spans: Vec<f64> = (0..SCALE_SAMPLES * SCALE_SAMPLES).filter_map(span).collect();
+        spans.sort_by(f64::total_cmp);
+        spans.get(spans.len() * 9 / 10).copied().unwrap_or(step)
     }
 
     /// From its samples to the whole picture.

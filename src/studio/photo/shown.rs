@@ -82,11 +82,16 @@ impl PhotoWorkspace {
         }
         if self.due.exact {
             self.exact(document, run)?;
-            self.due = Due { exact: false, picture: true, ..self.due };
+            self.due = Due { exact: false, picture: true, next_drag: true, ..self.due };
         }
         if self.due.picture {
             self.send_result(document, out, run)?;
             self.due.picture = false;
+            return Ok(Work::More);
+        }
+        if self.due.next_drag {
+            self.prepare_drag(document, run)?;
+            self.due.next_drag = false;
             return Ok(Work::More);
         }
         if self.search_lines(document, self.lens.clone().as_ref(), run)? {
@@ -98,16 +103,31 @@ impl PhotoWorkspace {
     /// The quick map and its picture, where something like it was shown before or a lens is known at once.
     fn draft(&mut self, document: &PhotoDocument, out: &mut Outbox, run: &Run) -> Result<(), StudioError> {
         let Some(lens) = self.draft_lens(document, run) else { return Ok(()) };
-        // Before lines are found the first picture is shown without them.
-        let lines = self.lines_in_use(document).unwrap_or_default();
-        let input = self.map_input(document, &lens, lines);
-        self.lens = Some(lens);
-        let importance = self.analysis.importance.clone();
-        let saliency = importance.as_ref().filter(|_| document.pipeline.said().importance).map(|i| i.plane());
-        let warp = self.draft.solve(&input, saliency, run).map_err(method)?;
+        self.lens = Some(lens.clone());
+        let warp = self.solve_draft(document, &lens, run)?;
         self.problem = None;
         self.shown = Some(Shown { warp, exact: false });
         self.send_picture(document, out, run)
+    }
+
+    fn solve_draft(&mut self, document: &PhotoDocument, lens: &FoundLens, run: &Run) -> Result<PhotoWarp, StudioError> {
+        // Before lines are found the first picture is shown without them.
+        let lines = self.lines_in_use(document).unwrap_or_default();
+        let input = self.map_input(document, lens, lines);
+        let importance = self.analysis.importance.clone();
+        let saliency = importance.as_ref().filter(|_| document.pipeline.said().importance).map(|i| i.plane());
+        self.draft.solve(&input, saliency, run).map_err(method)
+    }
+
+    /// The quick map of what is shown at rest, with its own crop: the next drag starts from there. What it cannot be made of is no
+    /// fault yet.
+    fn prepare_drag(&mut self, document: &PhotoDocument, run: &Run) -> Result<(), StudioError> {
+        self.draft.rest();
+        let Some(lens) = self.lens.clone() else { return Ok(()) };
+        match self.solve_draft(document, &lens, run) {
+            Err(error @ StudioError::Stopped(_)) => Err(error),
+            _ => Ok(()),
+        }
     }
 
     /// The lens while something is dragged: the one that is known, unless the settings name another. Lines determine it at rest.
@@ -141,7 +161,6 @@ impl PhotoWorkspace {
             }
         })?;
         self.problem = None;
-        self.draft.rest();
         self.shown = Some(Shown { warp, exact: true });
         Ok(())
     }
@@ -255,9 +274,10 @@ impl PhotoWorkspace {
         let Some(Shown { warp, exact }) = &mut self.shown else { return Ok(()) };
         let screen = if *exact { self.view.size } else { smaller_screen(self.view.size) };
         let part = Part::of(warp.size, self.view.part, screen);
-        let copy = if *exact { &self.analysis.detail.frame } else { &self.analysis.draft.frame };
+        let copy = if *exact { &self.analysis.detail } else { self.analysis.draft(part.scale(warp)) };
         let render = &document.pipeline.said().render;
-        let frame = pictures::part_of_result(warp, part, (copy, self.analysis.size), render, run).map_err(method)?;
+        let frame =
+            pictures::part_of_result(warp, part, (&copy.frame, self.analysis.size), render, run).map_err(method)?;
         pictures::picture(BufferKind::Result, part, &frame, out)?;
         if self.view.grid {
             pictures::grid(warp, out);

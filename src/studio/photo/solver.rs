@@ -1,6 +1,7 @@
 //! The map of the photo: quickly while something is dragged, and as the pipeline makes it at rest.
 //!
-//! A drag is solved on a coarser grid from its last solution, in the crop of the drag's first solve. At rest the map is solved by the
+//! A drag is solved on a coarser grid from its last solution, in a crop of its own: both are prepared at rest, once the picture is
+//! shown. At rest the map is solved by the
 //! call of the stage `photo.rectify`, from nothing, so that the saved pipeline gives the picture that is shown.
 
 use plumbline_app::pipeline::RunError;
@@ -52,7 +53,7 @@ pub(super) struct Draft {
 struct Last {
     input: MapInput,
     rectifier: Rectifier,
-    /// The crop of the drag's first solve; searched again after a rest.
+    /// The crop, searched at the first solve after a rest.
     frame: Option<Rect>,
 }
 
@@ -67,15 +68,15 @@ impl Draft {
         if input.settings.to != Target::Optimized {
             return input.exact(saliency, run);
         }
-        let last = if let Some(mut last) = self.last.take().filter(|last| last.input.differs_in_lines_alone(input)) {
-            last.rectifier.follow(&input.lines, run)?;
-            last
-        } else {
-            let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
-            let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
-            Last { input: input.clone(), rectifier, frame: None }
-        };
-        self.last = Some(last);
+        // What is interrupted leaves the last solution, from which the next begins.
+        match self.last.as_mut().filter(|last| last.input.differs_in_lines_alone(input)) {
+            Some(last) => last.rectifier.follow(&input.lines, run)?,
+            None => {
+                let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
+                let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
+                self.last = Some(Last { input: input.clone(), rectifier, frame: None });
+            }
+        }
         Ok(self.framed()?)
     }
 
@@ -90,7 +91,7 @@ impl Draft {
         last.rectifier.warp_in(&frame)
     }
 
-    /// The drag is over: the next one begins with a crop of its own.
+    /// The drag is over: the next solve searches a crop of its own.
     pub(super) fn rest(&mut self) {
         if let Some(last) = &mut self.last {
             last.frame = None;

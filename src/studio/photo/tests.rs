@@ -411,7 +411,7 @@ fn a_pipeline_with_comments_of_its_own_keeps_them_and_batches_are_refused() {
     let path = bench.folder.path().canonicalize().expect("a folder").join("batch.toml");
     let mut files = DocumentFiles::new(path, std::collections::BTreeMap::new());
     let why = PhotoWorkspace::open(&mut files, &Run::default()).expect_err("a batch").to_string();
-    assert!(why.contains("open one of the photos"), "{why}");
+    assert!(why.contains("open one of them"), "{why}");
 }
 
 #[test]
