@@ -69,13 +69,12 @@ impl Draft {
             return input.exact(saliency, run);
         }
         // What is interrupted leaves the last solution, from which the next begins.
-        match self.last.as_mut().filter(|last| last.input.differs_in_lines_alone(input)) {
-            Some(last) => last.rectifier.follow(&input.lines, run)?,
-            None => {
-                let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
-                let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
-                self.last = Some(Last { input: input.clone(), rectifier, frame: None });
-            }
+        if let Some(last) = self.last.as_mut().filter(|last| last.input.differs_in_lines_alone(input)) {
+            last.rectifier.follow(&input.lines, run)?;
+        } else {
+            let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
+            let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
+            self.last = Some(Last { input: input.clone(), rectifier, frame: None });
         }
         Ok(self.framed()?)
     }
