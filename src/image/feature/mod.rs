@@ -1,7 +1,6 @@
 //! Features of one picture: corners, line segments, masks, faces, saliency and importance.
 
 mod corners;
-mod edge_trace;
 mod error;
 mod faces;
 mod gradient;
@@ -12,7 +11,6 @@ mod saliency;
 mod segments;
 
 pub use corners::{Corner, CornerDetector};
-pub use edge_trace::{EdgeTracer, SmoothCurve, TracedEdge, averaged};
 pub use error::FeatureError;
 pub use faces::{Face, FaceDetector, FaceOptions};
 pub use gradient::gradient;
