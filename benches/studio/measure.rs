@@ -52,11 +52,12 @@ pub(crate) fn ms(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
 
-/// Memory of this process now, and the most it had.
+/// Memory of this process now, and the most it had since the last report.
 pub(crate) fn report_memory() -> Result<(), Box<dyn Error>> {
-    println!("memory, idle                         {:8.1} MB", status("VmRSS:")?);
-    println!("memory, peak                         {:8.1} MB", status("VmHWM:")?);
-    Ok(())
+    println!("memory, now                          {:8.1} MB", status("VmRSS:")?);
+    println!("memory, peak since the last report   {:8.1} MB", status("VmHWM:")?);
+    // Sets the peak to what is used now (proc(5)).
+    Ok(std::fs::write("/proc/self/clear_refs", "5")?)
 }
 
 /// A line of the kernel's status of this process, MB.

@@ -68,15 +68,15 @@ fn sources_that_the_architecture_names_exist() {
 /// The file of a test that `docs/GUARANTEES.md` names: of the studio where it says so, else of `tests/it`.
 fn file_of_test(file: &str) -> String {
     match file.strip_prefix("studio/") {
-        Some(page) if in_browser(page) => format!("src/studio/ui/tests/{page}"),
+        Some(page) if is_of_page(page) => format!("src/studio/ui/tests/{page}"),
         Some(file) => format!("src/studio/{file}.rs"),
         None => format!("tests/it/{file}.rs"),
     }
 }
 
-/// Whether tests of this name run in a browser.
-fn in_browser(file: &str) -> bool {
-    Path::new(file).extension().is_some_and(|extension| extension == "mjs")
+/// Whether the tests of a file run in a browser.
+fn is_of_page(file: &str) -> bool {
+    Path::new(file).extension().is_some_and(|e| e == "mjs")
 }
 
 /// Every guarantee names its tests as `file::name` of `tests/it`, `studio/file::name` of `src/studio`, or as `studio/file.mjs::sentence`
@@ -97,7 +97,7 @@ fn guarantees_name_tests_that_exist() {
             let (file, name) = test.rsplit_once("::").unwrap_or((test, ""));
             let source =
                 fs::read_to_string(root().join(file_of_test(file))).unwrap_or_else(|_| panic!("{test}: no file"));
-            let definition = if in_browser(file) { format!("test(\"{name}\"") } else { format!("fn {name}(") };
+            let definition = if is_of_page(file) { format!("test(\"{name}\"") } else { format!("fn {name}(") };
             assert!(source.contains(&definition), "{test} is no test");
         }
     }

@@ -48,10 +48,14 @@ fn main() -> Result<(), Failure> {
     let scale = enlarged(Path::new(photo), &folder.join("photo.jpg"), megapixels)?;
     std::fs::copy(lens, folder.join("lens.json"))?;
     let marks = marks(Path::new(lines), scale)?;
+    report_memory()?;
     let mut bench = Bench::open(&folder.join("photo.jpg"))?;
+    report_memory()?;
     bench.mark(&marks)?;
+    report_memory()?;
     bench.drag(&marks)?;
     bench.rest()?;
+    report_memory()?;
     bench.export()?;
     report_memory()
 }

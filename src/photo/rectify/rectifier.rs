@@ -89,23 +89,25 @@ impl Rectifier {
         Ok(())
     }
 
-    /// Solves for lines that have moved little, starting from the last solution. Falls back to [`Self::solve`] if the
-    /// grid would fold.
+    /// Solves for lines that have moved little, starting from the last solution. A straight border becomes free where the grid would
+    /// fold, and stays so until the next [`Self::solve`].
     ///
     /// # Errors
     /// As [`Self::solve`].
     pub fn follow(&mut self, lines: &[Line], run: &Run) -> Result<(), PhotoError> {
-        let border = self.solved.as_ref().is_some_and(|s| s.border);
-        let on_grid = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
-        let Some(solved) = &mut self.solved else { return self.solve(lines, run) };
-        match self.fine.follow(&on_grid, &solved.sheet, run)? {
-            Some(sheet) => {
-                (solved.sheet, solved.iterations) = (sheet, solved.iterations + 1);
-                solved.lines = lines.to_vec();
-                Ok(())
-            }
-            None => self.solve(lines, run),
+        let Some(solved) = &self.solved else { return self.solve(lines, run) };
+        let (before, mut border) = (solved.sheet.clone(), solved.border);
+        let followed = |rectifier: &mut Self, border: bool| {
+            let on_grid = rectifier.on_grid(lines, &rectifier.fine.sphere, border.then_some(1));
+            rectifier.fine.follow(&on_grid, &before, folding(border), run)
+        };
+        let (mut sheet, mut report) = followed(self, border)?;
+        if border && report.folded {
+            border = false;
+            (sheet, report) = followed(self, border)?;
         }
+        self.solved = Some(Solved { lines: lines.to_vec(), sheet, border, iterations: report.iterations });
+        Ok(())
     }
 
     /// The solved grid, in radians at the center of the view.
@@ -171,8 +173,7 @@ impl Rectifier {
         let on_coarse = self.on_grid(lines, &self.coarse.sphere, border.then_some(0));
         let on_fine = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
         let (initial, first) = self.coarse.solve(&on_coarse, None, Folding::Held, run)?;
-        let folding = if border { Folding::Refused } else { Folding::Held };
-        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&initial)), folding, run)?;
+        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&initial)), folding(border), run)?;
         *iterations += first.iterations + last.iterations;
         Ok((!border || !last.folded).then_some(sheet))
     }
@@ -196,4 +197,9 @@ impl Rectifier {
         let forward = Box::new(move |p| Some(forward_mesh.at(sphere.locate(sphere.chart.at(&lens.unproject(p)?)?)?)));
         Ok(Unframed { maps, mesh, forward })
     }
+}
+
+/// A straight border that folds is given up; a free one is the last resort.
+fn folding(border: bool) -> Folding {
+    if border { Folding::Refused } else { Folding::Held }
 }

@@ -170,16 +170,38 @@ impl Sheet {
         folding: Folding,
         run: &Run,
     ) -> Result<(GridMesh, SolveReport), EnergyError> {
-        let mut sound = initial.unwrap_or_else(|| self.mesh(self.rest()));
-        if sound.folded_cells() > 0 {
-            sound = self.mesh(self.rest());
+        let mut initial = initial.unwrap_or_else(|| self.mesh(self.rest()));
+        if initial.folded_cells() > 0 {
+            initial = self.mesh(self.rest());
         }
+        self.unfolded(lines, initial, folding, self.weights.iterations, run)
+    }
+
+    /// The same after a small change of the lines, from the previous solution.
+    pub(super) fn follow(
+        &mut self,
+        lines: &[GridLine],
+        before: &GridMesh,
+        folding: Folding,
+        run: &Run,
+    ) -> Result<(GridMesh, SolveReport), EnergyError> {
+        self.unfolded(lines, before.clone(), folding, FOLLOW_ITERATIONS, run)
+    }
+
+    /// Solves from `sound`, which has no folds, with at most so many linearizations per attempt at a grid without folds.
+    fn unfolded(
+        &mut self,
+        lines: &[GridLine],
+        mut sound: GridMesh,
+        folding: Folding,
+        max_iterations: usize,
+        run: &Run,
+    ) -> Result<(GridMesh, SolveReport), EnergyError> {
         let mut lines = lines.to_vec();
         let mut cells = self.conformality(&lines);
         let mut report = SolveReport { iterations: 0, folded: false };
         for _ in 0..MAX_FOLD_ITERATIONS {
-            let found =
-                self.straightened(&lines, &cells, &sound, self.weights.iterations, &mut report.iterations, run)?;
+            let found = self.straightened(&lines, &cells, &sound, max_iterations, &mut report.iterations, run)?;
             let folded: Vec<usize> = (0..cells.len()).filter(|&cell| folds(&found.quad(cell))).collect();
             if folded.is_empty() {
                 return Ok((found, report));
@@ -196,18 +218,6 @@ impl Sheet {
             }
         }
         Ok((sound, report))
-    }
-
-    /// The solution after a small change of the lines, from the previous one; `None` if it folds.
-    pub(super) fn follow(
-        &mut self,
-        lines: &[GridLine],
-        before: &GridMesh,
-        run: &Run,
-    ) -> Result<Option<GridMesh>, EnergyError> {
-        let cells = self.conformality(lines);
-        let mesh = self.straightened(lines, &cells, before, FOLLOW_ITERATIONS, &mut 0, run)?;
-        Ok((mesh.folded_cells() == 0).then_some(mesh))
     }
 
     /// `w_c w²` of each cell.

@@ -1,5 +1,7 @@
 //! What is shown, brought up to date slice by slice: first what follows the pointer, then what is exact.
 
+use std::sync::Arc;
+
 use super::analysis::{Found, smaller};
 use super::document::PhotoDocument;
 use super::edit::{self, checked_line};
@@ -12,6 +14,7 @@ use crate::outbox::Outbox;
 use crate::workspace::{Step, Work};
 use plumbline_app::stages::photo_steps::{FoundLens, LensRequest, find_lens};
 use plumbline_image::Plane;
+use plumbline_image::feature::Importance;
 use plumbline_num::math::{Point2, Rect};
 use plumbline_num::run::Run;
 use plumbline_photo::line_detection::snapped;
@@ -103,31 +106,30 @@ impl PhotoWorkspace {
     /// The quick map and its picture, where something like it was shown before or a lens is known at once.
     fn draft(&mut self, document: &PhotoDocument, out: &mut Outbox, run: &Run) -> Result<(), StudioError> {
         let Some(lens) = self.draft_lens(document, run) else { return Ok(()) };
-        self.lens = Some(lens.clone());
-        let warp = self.solve_draft(document, &lens, run)?;
+        let (input, importance) = self.draft_input(document, &lens);
+        self.lens = Some(lens);
+        let warp = self.draft.solve(&input, importance.as_ref().map(|i| i.plane()), run).map_err(method)?;
         self.problem = None;
         self.shown = Some(Shown { warp, exact: false });
         self.send_picture(document, out, run)
     }
 
-    fn solve_draft(&mut self, document: &PhotoDocument, lens: &FoundLens, run: &Run) -> Result<PhotoWarp, StudioError> {
-        // Before lines are found the first picture is shown without them.
-        let lines = self.lines_in_use(document).unwrap_or_default();
-        let input = self.map_input(document, lens, lines);
-        let importance = self.analysis.importance.clone();
-        let saliency = importance.as_ref().filter(|_| document.pipeline.said().importance).map(|i| i.plane());
-        self.draft.solve(&input, saliency, run).map_err(method)
-    }
-
-    /// The quick map of what is shown at rest, with its own crop: the next drag starts from there. What it cannot be made of is no
-    /// fault yet.
+    /// What the next drag starts from. What it cannot be made of is no fault yet.
     fn prepare_drag(&mut self, document: &PhotoDocument, run: &Run) -> Result<(), StudioError> {
-        self.draft.rest();
         let Some(lens) = self.lens.clone() else { return Ok(()) };
-        match self.solve_draft(document, &lens, run) {
+        let (input, importance) = self.draft_input(document, &lens);
+        match self.draft.prepare(&input, importance.as_ref().map(|i| i.plane()), run).map_err(method) {
             Err(error @ StudioError::Stopped(_)) => Err(error),
             _ => Ok(()),
         }
+    }
+
+    /// What the quick map is made of, and the importance of each position.
+    fn draft_input(&self, document: &PhotoDocument, lens: &FoundLens) -> (MapInput, Option<Arc<Importance>>) {
+        // Before lines are found the first picture is shown without them.
+        let lines = self.lines_in_use(document).unwrap_or_default();
+        let importance = self.analysis.importance.clone().filter(|_| document.pipeline.said().importance);
+        (self.map_input(document, lens, lines), importance)
     }
 
     /// The lens while something is dragged: the one that is known, unless the settings name another. Lines determine it at rest.

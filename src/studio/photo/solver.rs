@@ -53,7 +53,7 @@ pub(super) struct Draft {
 struct Last {
     input: MapInput,
     rectifier: Rectifier,
-    /// The crop, searched at the first solve after a rest.
+    /// The crop, searched once after a solve from nothing.
     frame: Option<Rect>,
 }
 
@@ -69,14 +69,43 @@ impl Draft {
             return input.exact(saliency, run);
         }
         // What is interrupted leaves the last solution, from which the next begins.
-        if let Some(last) = self.last.as_mut().filter(|last| last.input.differs_in_lines_alone(input)) {
-            last.rectifier.follow(&input.lines, run)?;
-        } else {
-            let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
-            let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
-            self.last = Some(Last { input: input.clone(), rectifier, frame: None });
+        match self.of_same_view(input) {
+            Some(last) => last.rectifier.follow(&input.lines, run)?,
+            None => self.begin(input, saliency, run)?,
         }
         Ok(self.framed()?)
+    }
+
+    /// At rest: what the next drag starts from, solved anew, and its crop.
+    pub(super) fn prepare(
+        &mut self,
+        input: &MapInput,
+        saliency: Option<&Plane<f32>>,
+        run: &Run,
+    ) -> Result<(), RunError> {
+        if input.settings.to != Target::Optimized {
+            return Ok(());
+        }
+        match self.of_same_view(input) {
+            Some(last) => {
+                last.rectifier.solve(&input.lines, run)?;
+                last.frame = None;
+            }
+            None => self.begin(input, saliency, run)?,
+        }
+        self.framed()?;
+        Ok(())
+    }
+
+    fn of_same_view(&mut self, input: &MapInput) -> Option<&mut Last> {
+        self.last.as_mut().filter(|last| last.input.differs_in_lines_alone(input))
+    }
+
+    fn begin(&mut self, input: &MapInput, saliency: Option<&Plane<f32>>, run: &Run) -> Result<(), PhotoError> {
+        let options = RectifyOptions { cells: DRAFT_CELLS, ..rectify_options(&input.settings, &input.lens) };
+        let rectifier = Rectifier::new(&input.borrowed(saliency), &options, run)?;
+        self.last = Some(Last { input: input.clone(), rectifier, frame: None });
+        Ok(())
     }
 
     fn framed(&mut self) -> Result<PhotoWarp, PhotoError> {
@@ -88,12 +117,5 @@ impl Draft {
         };
         last.frame = Some(frame);
         last.rectifier.warp_in(&frame)
-    }
-
-    /// The drag is over: the next solve searches a crop of its own.
-    pub(super) fn rest(&mut self) {
-        if let Some(last) = &mut self.last {
-            last.frame = None;
-        }
     }
 }
