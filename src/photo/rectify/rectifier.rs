@@ -1,8 +1,8 @@
 //! A view whose lines may change: everything that does not depend on them is computed once.
 //!
 //! The initial guess of the first solve is the chart, on cells twice as large. A dragged line moves little between
-//! solves: [`Rectifier::follow`] starts from the last solution on the full grid and keeps the choice of a straight or
-//! free border, so that the picture does not jump.
+//! solves: [`Rectifier::follow`] starts from the last solution on the full grid and keeps a free border free, and a straight
+//! one straight unless it folds, so that the picture does not jump.
 
 use super::frame::{Crop, OutputSize, Unframed};
 use super::solver::{Folding, Sheet, halved};

@@ -442,10 +442,19 @@ proptest! {
                 line("any", vec![picture.at(a, b), picture.at(c, d)], orientation)
             })
             .collect();
-        let warp = rectify(&input(&lens, &lines, &[]), &RectifyOptions { cells: 24, ..RectifyOptions::default() }, &Run::default());
-        let warp = warp.expect("a warp");
+        let options = RectifyOptions { cells: 24, ..RectifyOptions::default() };
+        let mut view = Rectifier::new(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a view");
+        let warp = view.warp().expect("a warp");
         prop_assert_eq!(warp.mesh.folded_cells(), 0);
         prop_assert!(warp.lines.iter().all(|l| l.max_px.is_finite()));
+        // Nor wherever they are dragged: here to their image in the middle of the picture, all at once.
+        let dragged: Vec<Line> = lines
+            .iter()
+            .map(|l| Line { points: l.points.iter().map(|p| picture.max - p.coords).collect(), ..l.clone() })
+            .collect();
+        view.follow(&dragged, &Run::default()).expect("followed");
+        prop_assert_eq!(view.sheet().folded_cells(), 0);
+        prop_assert!(view.sheet().vertices.iter().all(|v| v.coords.iter().all(|c| c.is_finite())));
     }
 }
 

@@ -1,5 +1,5 @@
-//! Reading and writing the files of a character: `NAME.character.toml`, `.skeleton.json` (with the clips, and the library of poses as clips
-//! of one key), `.weights.json`, `.pose.json`.
+//! Reading and writing the files of a character: `NAME.character.toml`, `.skeleton.json` (with the clips; the library of poses, and poses
+//! that are not keyed, as clips of one key), `.weights.json`, `.pose.json`, and `.skin` where a trained skin was imported.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
