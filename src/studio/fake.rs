@@ -137,6 +137,9 @@ impl Workspace for Fake {
         self.slices += 1;
         self.left = self.left.saturating_sub(1);
         self.greet(document, out);
+        if document.numbers.iter().sum::<f64>() < 0.0 && self.left == 0 {
+            out.notice("the sum is negative");
+        }
         Ok(if self.left > 0 { Work::More } else { Work::Rest })
     }
 

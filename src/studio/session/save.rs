@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::thread::{Dated, Loaded, Session};
-use super::{Surroundings, Timing, notice};
+use super::{Surroundings, Timing};
 use crate::error::StudioError;
 use crate::files::DocumentFiles;
 use crate::protocol::{DiskChoice, Level, ToPage};
@@ -29,8 +29,6 @@ pub(super) struct Timers {
     kept: bool,
     /// A copy could not be written; said once.
     failed: bool,
-    /// What the first window is told.
-    pub(super) greeting: Option<String>,
 }
 
 impl Timers {
@@ -43,7 +41,6 @@ impl Timers {
             changed_on_disk: Vec::new(),
             kept,
             failed: false,
-            greeting: None,
         }
     }
 
@@ -167,7 +164,7 @@ impl<W: Workspace> Session<W> {
             Err(StudioError::NotReady(_)) => self.timers.changed(),
             Err(error) if !self.timers.failed => {
                 self.timers.failed = true;
-                self.broadcast(&notice(Level::Error, format!("unsaved changes cannot be kept for a crash: {error}")));
+                self.notify(Level::Error, format!("unsaved changes cannot be kept for a crash: {error}"));
             }
             Err(_) => {}
         }

@@ -23,6 +23,19 @@ fn a_new_window_is_sent_everything_that_is_known() {
 }
 
 #[test]
+fn what_was_to_be_said_before_a_window_was_there_is_said_to_the_first() {
+    let opened = opened(r#"{"numbers":[-1]}"#);
+    pause(100);
+    let mut window = opened.window();
+    let notice = window.until(|m| m.get("notice").is_some());
+    assert_eq!(notice["notice"]["text"], "the sum is negative");
+    let mut second = opened.window();
+    second.send(json!({"ask": {"ask": "sum"}}));
+    let next = second.until(|m| m.get("notice").is_some() || m.get("reply").is_some());
+    assert!(next.get("notice").is_none(), "it is said once: {next}");
+}
+
+#[test]
 fn the_state_after_an_edit_comes_before_its_reply() {
     let opened = three();
     let mut window = opened.window();

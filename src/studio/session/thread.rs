@@ -24,6 +24,9 @@ const MIN_PATIENCE: Duration = Duration::from_millis(50);
 /// Longest: where pictures take longer, a drag shows some of them, and a long solve is stopped by the next edit.
 const MAX_PATIENCE: Duration = Duration::from_millis(250);
 
+/// Notices that wait for a window: the first ones, which say why the others came.
+const MAX_UNSEEN: usize = 100;
+
 /// What a document's thread begins with.
 pub(super) struct Start {
     pub(super) mailbox: Arc<Mailbox>,
@@ -78,6 +81,8 @@ pub(super) struct Session<W: Workspace> {
     first_slice: bool,
     /// Drags to be answered after the next slice.
     dragged: Vec<(WindowId, u32)>,
+    /// Notices that no window was there to show: the next one is sent them.
+    unseen: Vec<ToPage>,
     last_state: String,
     last_history: HistoryList,
     pub(super) timers: super::save::Timers,
@@ -102,10 +107,11 @@ impl<W: Workspace> Session<W> {
             patience: MIN_PATIENCE,
             first_slice: true,
             dragged: Vec::new(),
+            unseen: Vec::new(),
             last_state: String::new(),
             last_history: HistoryList { steps: Vec::new(), at: 0, saved_at: None },
         };
-        session.timers.greeting = opened.notice;
+        opened.notice.into_iter().for_each(|text| session.notify(Level::Warning, text));
         session.changed();
         Ok(session)
     }
@@ -160,9 +166,7 @@ impl<W: Workspace> Session<W> {
         let state = self.state().unwrap_or(Value::Null);
         window.send(&ToPage::State(state));
         window.send(&ToPage::Working(self.working));
-        if let Some(text) = self.timers.greeting.take() {
-            window.send(&notice(Level::Warning, text));
-        }
+        self.unseen.drain(..).for_each(|notice| window.send(&notice));
         if !self.timers.changed_on_disk.is_empty() {
             window.send(&self.timers.disk_message());
         }
@@ -192,7 +196,7 @@ impl<W: Workspace> Session<W> {
         self.send_state();
         let (Some(window), Some(id)) = (sender, id) else {
             if let Err(error) = done {
-                self.broadcast(&notice(Level::Error, error.to_string()));
+                self.notify(Level::Error, error.to_string());
             }
             return;
         };
@@ -276,7 +280,7 @@ impl<W: Workspace> Session<W> {
             Ok(())
         });
         if let Err(error) = told {
-            self.broadcast(&notice(Level::Error, error.to_string()));
+            self.notify(Level::Error, error.to_string());
         }
     }
 
@@ -288,7 +292,7 @@ impl<W: Workspace> Session<W> {
         let stopped = self.mailbox.end_slice();
         self.pace(started.elapsed(), stopped);
         for text in out.notices {
-            self.broadcast(&notice(Level::Warning, text));
+            self.notify(Level::Warning, text);
         }
         self.windows.retain(|window| !window.is_closed());
         self.windows.iter().for_each(|window| window.buffers(&out.buffers));
@@ -296,7 +300,7 @@ impl<W: Workspace> Session<W> {
             Ok(work) => work == Work::More,
             Err(StudioError::Stopped(_)) => stopped,
             Err(error) => {
-                self.broadcast(&notice(Level::Error, error.to_string()));
+                self.notify(Level::Error, error.to_string());
                 false
             }
         };
@@ -328,6 +332,17 @@ impl<W: Workspace> Session<W> {
         if working != self.working {
             self.working = working;
             self.broadcast(&ToPage::Working(working));
+        }
+    }
+
+    /// Tells the user something: all windows, or the next one where none is there. A document works before its page is connected.
+    pub(super) fn notify(&mut self, level: Level, text: impl Into<String>) {
+        let notice = notice(level, text);
+        if self.windows.iter().all(|window| window.is_closed()) {
+            self.unseen.truncate(MAX_UNSEEN - 1);
+            self.unseen.push(notice);
+        } else {
+            self.broadcast(&notice);
         }
     }
 
