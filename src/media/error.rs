@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::av::AvError;
-use plumbline_num::limits::Shortage;
+use plumbline_num::limits::{Resource, Shortage};
 use plumbline_num::run::Stopped;
 
 /// Who can do something about an error.
@@ -132,10 +132,10 @@ pub enum MediaError {
         /// The output as given.
         path: PathBuf,
     },
-    /// No memory.
-    #[error("out of memory for {what}; use fewer threads or a smaller clip")]
+    /// No memory. The message names the limit in force.
+    #[error("{what}: {}", Shortage(Resource::Memory))]
     NoMemory {
-        /// What was to be allocated.
+        /// What was being done.
         what: String,
     },
     /// The call was stopped from outside.
@@ -264,5 +264,16 @@ mod tests {
         let forbidden = MediaError::writing(path, AvError(-libc::EACCES));
         assert_eq!(forbidden.to_string(), "out.mp4: cannot be written: Permission denied");
         assert_eq!(forbidden.fault().exit_code(), 73);
+    }
+
+    #[test]
+    fn missing_memory_is_said_with_the_limit_and_the_remedy() {
+        for error in [
+            MediaError::internal("decoding a.mkv", AvError::NO_MEMORY),
+            MediaError::writing(Path::new("out.mp4"), AvError(-libc::ENOMEM)),
+        ] {
+            assert!(error.to_string().contains(&Shortage(Resource::Memory).to_string()), "{error}");
+            assert_eq!(error.fault().exit_code(), 75);
+        }
     }
 }
