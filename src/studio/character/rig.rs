@@ -74,6 +74,8 @@ impl<K: PartialEq, V> Kept<K, V> {
 type CurveKey = (super::message::ExtractionOptions, Option<Ends>);
 type Curve = (CurveSkeleton, ExtractionReport);
 type WeightKey = (Arc<Skeleton>, String);
+/// A template on the curve, and what the user should know of it.
+type Fitted = (Skeleton, Vec<String>);
 
 fn curve_key(finding: &Finding) -> CurveKey {
     (finding.options, finding.ends.clone())
@@ -120,6 +122,7 @@ pub(super) struct Rigs {
     trained: Kept<(Same<Trained>, Arc<Skeleton>), Bound>,
     refiners: Kept<(Same<SkinWeights>, u64), Mutex<DetailRefiner>>,
     extracting: Background<CurveKey, Curve>,
+    fitting: Background<Finding, Fitted>,
     weighing: Background<WeightKey, (SkinWeights, Vec<String>)>,
 }
 
@@ -136,6 +139,7 @@ impl Rigs {
             trained: Kept::default(),
             refiners: Kept::default(),
             extracting: Background::default(),
+            fitting: Background::default(),
             weighing: Background::default(),
         }
     }
@@ -169,14 +173,18 @@ impl Rigs {
             _ => None,
         };
         self.extracting.keep_only(curve.as_ref());
+        self.fitting.keep_only(match skeleton {
+            SkeletonSource::Found(finding) => Some(finding),
+            _ => None,
+        });
         let known = self.skeleton(skeleton);
         let key = known.filter(|_| matches!(weights, WeightSource::Computed(_)));
         self.weighing.keep_only(key.map(|skeleton| weight_key(weights.options(), &skeleton)).as_ref());
     }
 
-    /// The fractions that are done of an extraction and of a computation of weights that run.
+    /// The fractions that are done of an extraction or a fit and of a computation of weights that run.
     pub(super) fn progress(&self) -> [Option<f64>; 2] {
-        [self.extracting.progress(), self.weighing.progress()]
+        [self.extracting.progress().or(self.fitting.progress()), self.weighing.progress()]
     }
 
     /// Extracts a skeleton, on a thread of its own.
@@ -189,14 +197,21 @@ impl Rigs {
             Computed::Running => return Ok(Computed::Running),
             Computed::Failed => return Ok(Computed::Failed),
         };
-        let mut notices: Vec<String> = curve.1.repairs.clone();
-        let skeleton = match finding.template.as_deref() {
-            None => skeleton_of(&curve.0, finding.joints.map(|n| n as usize)).map_err(fault)?,
-            Some(template) => fitted(&template.skeleton, &curve.0, &mut notices, run)?,
+        let fitted = match finding.template.clone() {
+            None => {
+                let joints = finding.joints.map(|n| n as usize);
+                Computed::Ready((skeleton_of(&curve.0, joints).map_err(fault)?, Vec::new()))
+            }
+            Some(template) => {
+                let on = curve.clone();
+                self.fitting.get(finding, run, move |run| fitted(&template.skeleton, &on.0, run))?
+            }
         };
-        let found = Arc::new(Found { skeleton: Arc::new(skeleton), report: curve.1.clone(), notices });
-        self.found.put(finding.clone(), found.clone());
-        Ok(Computed::Ready(found))
+        Ok(fitted.map(|(skeleton, warnings)| {
+            let notices = curve.1.repairs.iter().cloned().chain(warnings).collect();
+            let found = Found { skeleton: Arc::new(skeleton), report: curve.1.clone(), notices };
+            self.found.put(finding.clone(), Arc::new(found))
+        }))
     }
 
     fn curve(&mut self, finding: &Finding, run: &Run) -> Result<Computed<Arc<Curve>>, StudioError> {
@@ -310,14 +325,9 @@ fn library_options(finding: &Finding) -> ExtractionOptions {
     }
 }
 
-/// A template on a curve, and what the user should know of it.
-fn fitted(
-    template: &Skeleton,
-    curve: &CurveSkeleton,
-    notices: &mut Vec<String>,
-    run: &Run,
-) -> Result<Skeleton, StudioError> {
+fn fitted(template: &Skeleton, curve: &CurveSkeleton, run: &Run) -> Result<Fitted, StudioError> {
     let fit = fit_template(template, curve, run).map_err(fault)?;
+    let mut notices = Vec::new();
     let loose = fit.limbs.iter().filter(|limb| limb.stretch.is_none()).count();
     if loose > 0 {
         notices.push(format!("{loose} of {} limbs of the template are not on the curve", fit.limbs.len()));
@@ -325,7 +335,7 @@ fn fitted(
     if fit.ambiguous {
         notices.push("left and right look alike: look whether the sides are right".to_owned());
     }
-    Ok(fit.skeleton)
+    Ok((fit.skeleton, notices))
 }
 
 fn weighed(

@@ -45,6 +45,16 @@ fn the_state_after_an_edit_comes_before_its_reply() {
 }
 
 #[test]
+fn who_sees_a_state_can_undo_it() {
+    let opened = three();
+    let mut window = opened.window();
+    window.rest();
+    window.send(set(0, 11.0));
+    let first = window.until(|m| m.get("state").is_some() || m.get("history").is_some());
+    assert!(first.get("history").is_some(), "{first}");
+}
+
+#[test]
 fn a_refused_edit_changes_nothing_and_says_why() {
     let opened = three();
     let mut window = opened.window();

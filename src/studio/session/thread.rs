@@ -350,18 +350,18 @@ impl<W: Workspace> Session<W> {
         self.windows.iter().for_each(|window| window.send(message));
     }
 
-    /// Sends state and history where they differ from what was sent last.
+    /// Sends history and state where they differ from what was sent last. The history first: who sees a state can undo it.
     pub(super) fn send_state(&mut self) {
+        let history = self.history_list();
+        if history != self.last_history {
+            self.last_history = self.history_list();
+            self.broadcast(&ToPage::History(history));
+        }
         let state = self.state().unwrap_or(Value::Null);
         let text = state.to_string();
         if text != self.last_state {
             self.last_state = text;
             self.broadcast(&ToPage::State(state));
-        }
-        let history = self.history_list();
-        if history != self.last_history {
-            self.last_history = self.history_list();
-            self.broadcast(&ToPage::History(history));
         }
     }
 
