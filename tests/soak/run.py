@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Long runs: memory stays flat, temporary space is linear, nothing is lost.
+"""Long runs: memory stays flat, temporary space and CPU time are linear, nothing is lost.
 
     tests/soak/run.py PROGRAM [--minutes 20] [--photos 1000] [--meshes 300] [--only clips|photos|meshes]
 
@@ -22,6 +22,9 @@ MEDIA = pathlib.Path(__file__).resolve().parents[2] / "media"
 TEXTURE = ("nullsrc=s=440x300:r=25:d=0.04,geq=lum='random(1)*255':cb='128+60*sin(X/40)':cr='128+60*cos(Y/30)',"
            "gblur=sigma=3,lutyuv=y='clip((val-128)*8+128,16,235)',loop=loop=-1:size=1,setpts=N/25/TB,"
            "crop=w=320:h=180:x='60+40*sin(n/200)+6*sin(n*1.9)+5*sin(n*0.77)':y='60+5*sin(n*2.3)+6*cos(n*0.61)':exact=1")
+# CPU time per frame may differ by so much between the halves of a pass: what else the machine runs shares its caches.
+LINEAR = 0.25
+TICKS = os.sysconf("SC_CLK_TCK")
 FAULTS = []
 
 
@@ -45,11 +48,19 @@ def family(pid):
     return found
 
 
+def cpu(pid):
+    """Seconds of processor time of a process, with the children that it has waited for."""
+    # The name of the program, in parentheses, may hold spaces: the fields after it count.
+    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / TICKS
+
+
 def usage(pid, folder):
-    """Resident memory, MB, and bytes of temporary files of a process and its children."""
-    memory, space = 0, 0
+    """Resident memory, MB, bytes of temporary files, and seconds of processor time of a process and its children."""
+    memory, space, seconds = 0, 0, 0
     for p in family(pid):
         try:
+            seconds += cpu(p)
             text = pathlib.Path(f"/proc/{p}/status").read_text()
             memory += next((int(line.split()[1]) for line in text.splitlines() if line.startswith("VmRSS")), 0)
             for fd in os.scandir(f"/proc/{p}/fd"):
@@ -58,11 +69,11 @@ def usage(pid, folder):
                     space += os.stat(fd.path).st_size
         except OSError:
             pass
-    return memory / 1024, space
+    return memory / 1024, space, seconds
 
 
 def watched(command, folder, temporary):
-    """Runs it; a sample of (seconds, pass, done, MB, temporary bytes) five times a second, exit status and last messages."""
+    """Runs it; a sample of (seconds, pass, frames, items, MB, temporary bytes, CPU seconds) five times a second, exit status and messages."""
     env = dict(os.environ, TMPDIR=temporary, NO_COLOR="1")
     child = subprocess.Popen([*command, "--progress", "json"], cwd=folder, env=env, stdout=subprocess.DEVNULL,
                              stderr=subprocess.PIPE, text=True)
@@ -84,8 +95,8 @@ def watched(command, folder, temporary):
     thread.start()
     start = time.monotonic()
     while child.poll() is None:
-        memory, space = usage(child.pid, temporary)
-        samples.append((time.monotonic() - start, state["pass"], state["done"], state["items"], memory, space))
+        measured = usage(child.pid, temporary)
+        samples.append((time.monotonic() - start, state["pass"], state["done"], state["items"], *measured))
         time.sleep(0.2)
     thread.join()
     return samples, child.returncode, lines
@@ -99,6 +110,17 @@ def flat(samples, name):
     half = len(samples) // 2
     first, second = (max(s[4] for s in part) for part in (samples[:half], samples[half:]))
     check(second <= 1.1 * first, f"{name}: memory {first:.0f} MB, then {second:.0f} MB")
+
+
+def linear(samples, name):
+    """CPU time per frame of the second half as of the first: wall time would judge what else the machine does."""
+    middle = min(samples, key=lambda s: abs(s[2] - (samples[0][2] + samples[-1][2]) / 2))
+    halves = [(samples[0], middle), (middle, samples[-1])]
+    if any(a[2] >= b[2] for a, b in halves):
+        check(False, f"{name}: too few frames between {len(samples)} samples")
+        return
+    first, second = (1000 * (b[6] - a[6]) / (b[2] - a[2]) for a, b in halves)
+    check(abs(second - first) <= LINEAR * first, f"{name}: {first:.2f}, then {second:.2f} ms of CPU time per frame")
 
 
 def times(path):
@@ -125,14 +147,13 @@ def clips(program, folder, minutes):
                     flat(part, f"{mode}, pass {number}")
                 else:
                     print(f"     {mode} keeps the tracks of the whole clip for its cameras: growth is reported, not bounded")
+                linear(part, f"{mode}, pass {number}")
                 print(f"     {len(part)} samples, {part[0][4]:.0f} MB at frame {part[0][2]}, {part[-1][4]:.0f} MB at {part[-1][2]}")
         analysis = [s for s in samples if s[1] == 1 and s[2] > frames // 10]
         if analysis:
             middle = min(analysis, key=lambda s: abs(s[2] - analysis[-1][2] / 2))
             per = [s[5] / max(s[2], 1) * 25 / 1000 for s in (middle, analysis[-1])]
             check(abs(per[1] - per[0]) <= 0.15 * max(per[0], 1e-9), f"{mode}: temporary space {per[0]:.1f}, then {per[1]:.1f} kB/s")
-            pace = [s[2] / s[0] for s in (middle, analysis[-1])]
-            check(pace[1] > 0.6 * pace[0], f"{mode}: {pace[0]:.0f} frames per second, then {pace[1]:.0f}")
         print(f"     {mode}: at most {max(s[4] for s in samples):.0f} MB")
         before, after = times(clip), times(folder / f"{mode}.mp4")
         check(len(before) == len(after) == frames, f"{mode}: {len(after)} of {frames} frames")

@@ -1,7 +1,7 @@
 //! Software rasterizer: a triangle mesh under a perspective camera, with lighting, wireframe, color maps and marks.
 //!
 //! 1. [`SurfaceCamera::fit`] computes the nearest camera position with every vertex inside the picture.
-//! 2. `visibility.rs` finds the nearest triangle of `s × s` samples per pixel: a z-buffer, in bands on all threads.
+//! 2. `visibility.rs` and `raster.rs` find the nearest triangle of `s × s` samples per pixel: a z-buffer, in bands on all threads.
 //! 3. `shade.rs` shades each pixel once per visible triangle. Smooth normals stop at creases (`corner_normals.rs`). The
 //!    wireframe is drawn by the distance to the triangle's edges, so that it is hidden with its triangle.
 //! 4. The layers of a translucent surface are found by depth peeling and composited front to back.
@@ -16,6 +16,7 @@ mod legend;
 mod lighting;
 mod marks;
 mod occlusion;
+mod raster;
 mod shade;
 #[cfg(test)]
 mod tests;

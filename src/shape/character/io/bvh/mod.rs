@@ -11,6 +11,8 @@
 //! of `A_parent⁻¹ A_j`.
 
 mod read;
+#[cfg(test)]
+mod tests;
 mod write;
 
 pub use read::parse_bvh;
@@ -21,3 +23,6 @@ const FORMAT: &str = "BVH";
 
 /// Name suffix of a joint that was an `End Site`.
 const END: &str = " end";
+
+/// Largest depth of the hierarchy, in joints: each of its lines is indented by it.
+const MAX_DEPTH: usize = 1 << 12;

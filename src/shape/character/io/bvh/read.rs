@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::Rig;
 use super::super::text::{Words, shown};
-use super::{END, FORMAT};
+use super::{END, FORMAT, MAX_DEPTH};
 use crate::character::clip::{Curve, Interpolation, Keys, RotationKeys, Track};
 use crate::character::skeleton::MAX_JOINTS;
 use crate::character::{Clip, Joint, RigFileError, Skeleton};
@@ -15,11 +15,9 @@ use plumbline_num::math::Trs;
 
 /// Largest number of frames: nineteen hours at 60 per second.
 const MAX_FRAMES: usize = 1 << 22;
-/// Largest depth of the hierarchy.
-const MAX_DEPTH: usize = 1 << 12;
-
-/// Longest name of a joint, bytes: joints at the ends are named after their parents, each with a copy of the name.
-const MAX_NAME: usize = 1 << 10;
+/// Part of the memory of a file that names of joints at the ends may take: each is made from its parent's, so that a short text may
+/// ask for many copies of a long name. They are held four times while duplicates are looked for.
+const NAMES_OF_ENDS: u64 = 4;
 
 /// What a channel moves: translation along or rotation about an axis.
 #[derive(Clone, Copy)]
@@ -51,82 +49,102 @@ impl Channels {
 pub fn parse_bvh(text: &str) -> Result<Rig, RigFileError> {
     let mut words = Words::new(FORMAT, text);
     words.expect("HIERARCHY")?;
-    let (mut joints, mut channels): (Vec<Joint>, Vec<Channels>) = (Vec::new(), Vec::new());
+    let mut hierarchy = Hierarchy::within(max_memory_of(text.len() as u64) / NAMES_OF_ENDS);
     loop {
         match words.word("ROOT or MOTION")? {
-            "ROOT" => tree(&mut words, &mut joints, &mut channels)?,
+            "ROOT" => hierarchy.tree(&mut words)?,
             "MOTION" => break,
-            other => return Err(words.fault(format!("{other:?}, where ROOT or MOTION is expected"))),
+            other => return Err(words.fault(format!("{:?}, where ROOT or MOTION is expected", shown(other)))),
         }
     }
+    let Hierarchy { mut joints, channels, .. } = hierarchy;
     unique(&mut joints);
     let clip = movement(&mut words, &joints, &channels, text.len())?;
     Ok(Rig { skeleton: Skeleton::new(joints)?, clips: clip.into_iter().collect(), warnings: Vec::new() })
 }
 
-/// A root and its descendants.
-fn tree(words: &mut Words<'_>, joints: &mut Vec<Joint>, channels: &mut Vec<Channels>) -> Result<(), RigFileError> {
-    let mut open: Vec<u32> = vec![begin(words, None, joints)?];
-    while let Some(&joint) = open.last() {
-        if open.len() > MAX_DEPTH {
-            return Err(words.fault(format!("more than {MAX_DEPTH} joints one below the other")));
-        }
-        match words.word("a part of the joint, or }")? {
-            "OFFSET" => joints[joint as usize].rest.translation = words.triple("the offset")?.into(),
-            "CHANNELS" => {
-                let moves = moves(words)?;
-                // Without a number in any frame there is nothing to store either.
-                if !moves.is_empty() {
-                    channels.push(Channels { joint: joint as usize, moves });
+/// The joints, as far as they are read.
+struct Hierarchy {
+    joints: Vec<Joint>,
+    channels: Vec<Channels>,
+    /// Bytes that names of joints at the ends may still take.
+    names_of_ends: u64,
+}
+
+impl Hierarchy {
+    fn within(names_of_ends: u64) -> Self {
+        Self { joints: Vec::new(), channels: Vec::new(), names_of_ends }
+    }
+
+    /// A root and its descendants.
+    fn tree(&mut self, words: &mut Words<'_>) -> Result<(), RigFileError> {
+        let mut open: Vec<u32> = vec![self.begin(words, None)?];
+        while let Some(&joint) = open.last() {
+            if open.len() > MAX_DEPTH {
+                return Err(words.fault(format!("more than {MAX_DEPTH} joints one below the other")));
+            }
+            match words.word("a part of the joint, or }")? {
+                "OFFSET" => self.joints[joint as usize].rest.translation = words.triple("the offset")?.into(),
+                "CHANNELS" => {
+                    let moves = moves(words)?;
+                    // Without a number in any frame there is nothing to store either.
+                    if !moves.is_empty() {
+                        self.channels.push(Channels { joint: joint as usize, moves });
+                    }
+                }
+                "JOINT" => open.push(self.begin(words, Some(joint))?),
+                "End" => self.end(words, joint)?,
+                "}" => drop(open.pop()),
+                other => {
+                    let expected = "OFFSET, CHANNELS, JOINT, End Site or } is expected";
+                    return Err(words.fault(format!("{:?}, where {expected}", shown(other))));
                 }
             }
-            "JOINT" => open.push(begin(words, Some(joint), joints)?),
-            "End" => end(words, joint, joints)?,
-            "}" => drop(open.pop()),
-            other => {
-                return Err(
-                    words.fault(format!("{other:?}, where OFFSET, CHANNELS, JOINT, End Site or }} is expected"))
-                );
-            }
         }
+        Ok(())
     }
-    Ok(())
-}
 
-fn begin(words: &mut Words<'_>, parent: Option<u32>, joints: &mut Vec<Joint>) -> Result<u32, RigFileError> {
-    let mut name = words.rest_of_line();
-    let opened = name.last() == Some(&"{");
-    if opened {
-        name.pop();
+    fn begin(&mut self, words: &mut Words<'_>, parent: Option<u32>) -> Result<u32, RigFileError> {
+        let mut name = words.rest_of_line();
+        let opened = name.last() == Some(&"{");
+        if opened {
+            name.pop();
+        }
+        if name.is_empty() {
+            return Err(words.fault("a joint without a name"));
+        }
+        let name = name.join(" ");
+        if !opened {
+            words.expect("{")?;
+        }
+        if self.joints.len() >= MAX_JOINTS {
+            return Err(words.fault(format!("more than {MAX_JOINTS} joints")));
+        }
+        self.joints.push(Joint { name, parent, rest: Trs::identity(), limits: None });
+        Ok(self.joints.len() as u32 - 1)
     }
-    if name.is_empty() {
-        return Err(words.fault("a joint without a name"));
-    }
-    let name = name.join(" ");
-    if name.len() > MAX_NAME {
-        return Err(words.fault(format!("a joint's name of {} bytes (at most {MAX_NAME})", name.len())));
-    }
-    if !opened {
+
+    fn end(&mut self, words: &mut Words<'_>, parent: u32) -> Result<(), RigFileError> {
+        words.expect("Site")?;
         words.expect("{")?;
+        words.expect("OFFSET")?;
+        let offset = Vector3::from(words.triple("the offset")?);
+        words.expect("}")?;
+        if offset == Vector3::zeros() || self.joints.len() >= MAX_JOINTS {
+            return Ok(());
+        }
+        let of_parent = &self.joints[parent as usize].name;
+        let Some(left) = self.names_of_ends.checked_sub((of_parent.len() + END.len()) as u64) else {
+            let (name, bytes) = (shown(of_parent), of_parent.len());
+            return Err(words.fault(format!(
+                "too many end sites of joints with long names, as {name:?} of {bytes} bytes, after which they are named: shorten the names"
+            )));
+        };
+        self.names_of_ends = left;
+        let name = format!("{of_parent}{END}");
+        self.joints.push(Joint { name, parent: Some(parent), rest: Trs::from_translation(offset), limits: None });
+        Ok(())
     }
-    if joints.len() >= MAX_JOINTS {
-        return Err(words.fault(format!("more than {MAX_JOINTS} joints")));
-    }
-    joints.push(Joint { name, parent, rest: Trs::identity(), limits: None });
-    Ok(joints.len() as u32 - 1)
-}
-
-fn end(words: &mut Words<'_>, parent: u32, joints: &mut Vec<Joint>) -> Result<(), RigFileError> {
-    words.expect("Site")?;
-    words.expect("{")?;
-    words.expect("OFFSET")?;
-    let offset = Vector3::from(words.triple("the offset")?);
-    words.expect("}")?;
-    if offset != Vector3::zeros() && joints.len() < MAX_JOINTS {
-        let name = format!("{}{END}", joints[parent as usize].name);
-        joints.push(Joint { name, parent: Some(parent), rest: Trs::from_translation(offset), limits: None });
-    }
-    Ok(())
 }
 
 fn moves(words: &mut Words<'_>) -> Result<Vec<Move>, RigFileError> {
@@ -139,7 +157,7 @@ fn moves(words: &mut Words<'_>) -> Result<Vec<Move>, RigFileError> {
         moves.push(match (axis, lower.get(1..)) {
             (Some(axis), Some("position")) => Move::Along(axis),
             (Some(axis), Some("rotation")) => Move::About(axis),
-            _ => return Err(words.fault(format!("{name:?} is no channel (Xposition … Zrotation)"))),
+            _ => return Err(words.fault(format!("{:?} is no channel (Xposition … Zrotation)", shown(name)))),
         });
     }
     Ok(moves)
@@ -184,7 +202,7 @@ fn movement(
         }
     }
     if let Some(more) = words.next() {
-        return Err(words.fault(format!("{more:?} after the last of {frames} frames")));
+        return Err(words.fault(format!("{:?} after the last of {frames} frames", shown(more))));
     }
     if frames == 0 {
         return Ok(None);

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::{END, FORMAT};
+use super::{END, FORMAT, MAX_DEPTH};
 use crate::character::clip::Extrapolation;
 use crate::character::{Clip, Pose, RigFileError, Skeleton};
 
@@ -12,14 +12,17 @@ use crate::character::{Clip, Pose, RigFileError, Skeleton};
 const RATE: f64 = 30.0;
 /// Largest deviation of evenly spaced keys from their grid, in intervals: the rounding of stored times.
 const EVEN_TOLERANCE: f64 = 1e-4;
+/// Largest indentation: the text of a deep skeleton stays in proportion to its joints.
+const MAX_INDENT: usize = 40;
 /// Largest number of frames: nine hours at 30 per second.
 const MAX_FRAMES: f64 = 1e6;
 
 /// Writes a skeleton and a clip (the rest pose without one): one frame per key if keys are evenly spaced, else 30 per second. Names keep
-/// single spaces. Second result: what the format cannot represent.
+/// single spaces, one of spaces alone becomes `_`. Second result: what the format cannot represent.
 ///
 /// # Errors
-/// [`RigFileError::Content`] for several roots or too many frames, [`RigFileError::Character`] for a clip of another skeleton.
+/// [`RigFileError::Content`] for several roots, joints too deep below one another, too many frames, or numbers beyond double precision;
+/// [`RigFileError::Character`] for a clip of another skeleton. What is written can be read.
 pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec<&'static str>), RigFileError> {
     let mut roots = skeleton.roots();
     let (root, others) = (roots.next(), roots.count());
@@ -36,11 +39,15 @@ pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec
         });
     }
     let file = File::of(skeleton, &poses, root);
+    if file.depth > MAX_DEPTH {
+        return Err(unwritable(format!("more than {MAX_DEPTH} joints are one below the other")));
+    }
     let mut text = String::from("HIERARCHY\n");
     file.joint(&mut text, root, 0);
     let _ = writeln!(text, "MOTION\nFrames: {}\nFrame Time: {}", frames.count, frames.step);
-    for pose in &poses {
-        file.frame(&mut text, pose);
+    poses.iter().for_each(|pose| file.frame(&mut text, pose));
+    if !poses.iter().chain([&skeleton.rest_pose()]).all(|pose| file.is_finite(pose)) {
+        return Err(unwritable("its positions are beyond double precision; scale it to a size near 1".to_owned()));
     }
     let scaled =
         poses.iter().chain([&skeleton.rest_pose()]).flat_map(|p| &p.locals).any(|l| l.scale != Vector3::repeat(1.0));
@@ -80,6 +87,8 @@ struct File<'a> {
     skeleton: &'a Skeleton,
     /// Joints in file order.
     order: Vec<u32>,
+    /// How many of them are one below the other.
+    depth: usize,
     /// Whether each joint has position channels.
     moved: Vec<bool>,
     /// World rotation of each joint at rest.
@@ -91,11 +100,13 @@ impl<'a> File<'a> {
         let still = |j: usize| poses.iter().all(|p| p.locals[j].translation == skeleton.joints()[j].rest.translation);
         let moved = (0..skeleton.joint_count()).map(|j| j == root as usize || !still(j)).collect();
         let rest = rotations(skeleton, &skeleton.rest_pose());
-        let mut file = Self { skeleton, order: Vec::new(), moved, rest };
-        let mut open = vec![root];
-        while let Some(j) = open.pop() {
+        let mut file = Self { skeleton, order: Vec::new(), depth: 0, moved, rest };
+        let mut open = vec![(root, 1)];
+        while let Some((j, depth)) = open.pop() {
             file.order.push(j);
-            open.extend(skeleton.children(j).iter().rev().filter(|&&c| !file.is_end(c)));
+            file.depth = file.depth.max(depth);
+            let joints = skeleton.children(j).iter().rev().filter(|&&c| !file.is_end(c));
+            open.extend(joints.map(|&c| (c, depth + 1)));
         }
         file
     }
@@ -103,29 +114,52 @@ impl<'a> File<'a> {
     /// Whether a joint is written as an `End Site`.
     fn is_end(&self, joint: u32) -> bool {
         let joints = self.skeleton.joints();
-        let parent = joints[joint as usize].parent.map(|p| &joints[p as usize].name);
-        let named = parent.is_some_and(|parent| joints[joint as usize].name == format!("{parent}{END}"));
+        let parent = joints[joint as usize].parent;
+        let named = parent.is_some_and(|parent| self.name(joint) == format!("{}{END}", self.name(parent)));
         let alone = joints[joint as usize].parent.is_some_and(|p| self.skeleton.children(p).len() == 1);
-        named && alone && !self.moved[joint as usize] && self.skeleton.children(joint).is_empty()
+        let apart = joints[joint as usize].rest.translation != Vector3::zeros();
+        named && alone && apart && !self.moved[joint as usize] && self.skeleton.children(joint).is_empty()
+    }
+
+    /// The name in the file: words with single spaces between them.
+    fn name(&self, joint: u32) -> String {
+        let words: Vec<&str> = self.skeleton.joints()[joint as usize].name.split_whitespace().collect();
+        if words.is_empty() { "_".to_owned() } else { words.join(" ") }
+    }
+
+    /// The rotation at rest of what a joint's position is given in.
+    fn above(&self, joint: u32) -> UnitQuaternion<f64> {
+        let parent = self.skeleton.joints()[joint as usize].parent;
+        parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize])
     }
 
     fn offset(&self, joint: u32) -> Vector3<f64> {
-        let described = &self.skeleton.joints()[joint as usize];
-        let rotation = described.parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
-        rotation * described.rest.translation
+        self.above(joint) * self.skeleton.joints()[joint as usize].rest.translation
+    }
+
+    /// How far a joint of a pose is from its place at rest.
+    fn moved_by(&self, pose: &Pose, joint: u32) -> Vector3<f64> {
+        let rest = self.skeleton.joints()[joint as usize].rest.translation;
+        self.above(joint) * (pose.locals[joint as usize].translation - rest)
+    }
+
+    /// Whether a reader finds finite positions in what is written of a pose.
+    fn is_finite(&self, pose: &Pose) -> bool {
+        let finite = |j| (self.offset(j) + self.moved_by(pose, j)).iter().all(|x| x.is_finite());
+        (0..self.skeleton.joint_count() as u32).all(finite)
     }
 
     fn joint(&self, text: &mut String, joint: u32, depth: usize) {
         // Depth first with an explicit stack: a chain of joints may be long.
         let mut open = vec![(joint, depth, false)];
         while let Some((joint, depth, done)) = open.pop() {
-            let pad = "\t".repeat(depth);
+            let pad = "\t".repeat(depth.min(MAX_INDENT));
             if done {
                 let _ = writeln!(text, "{pad}}}");
                 continue;
             }
             open.push((joint, depth, true));
-            let name = self.skeleton.joints()[joint as usize].name.split_whitespace().collect::<Vec<_>>().join(" ");
+            let name = self.name(joint);
             let [x, y, z] = self.offset(joint).into();
             let children = self.skeleton.children(joint);
             if depth > 0 && self.is_end(joint) {
@@ -150,13 +184,10 @@ impl<'a> File<'a> {
         let from_rest = |j: u32| world[j as usize] * self.rest[j as usize].inverse();
         let mut numbers: Vec<String> = Vec::new();
         for &joint in &self.order {
-            let described = &self.skeleton.joints()[joint as usize];
-            let parent = described.parent;
+            let parent = self.skeleton.joints()[joint as usize].parent;
             let above = parent.map_or_else(UnitQuaternion::identity, from_rest);
             if self.moved[joint as usize] {
-                let rotation = parent.map_or_else(UnitQuaternion::identity, |p| self.rest[p as usize]);
-                let by = rotation * (pose.locals[joint as usize].translation - described.rest.translation);
-                numbers.extend(by.iter().map(ToString::to_string));
+                numbers.extend(self.moved_by(pose, joint).iter().map(ToString::to_string));
             }
             let rotation: Matrix3<f64> = (above.inverse() * from_rest(joint)).to_rotation_matrix().into_inner();
             // R = R_z R_y R_x.
