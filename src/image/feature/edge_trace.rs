@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn an_edge_goes_on_where_dark_and_bright_change_sides_and_ends_where_it_ends() {
-        let tile = |x: usize, y: usize| if (x / 40 + y / 40) % 2 == 0 { 40.0 } else { 200.0 };
+        let tile = |x: usize, y: usize| if (x / 40 + y / 40).is_multiple_of(2) { 40.0 } else { 200.0 };
         let luma = Plane::from_fn(300, 200, |x, y| if x < 240 { tile(x, y) } else { 120.0_f32 });
         let course = [Point2::new(90.0, 80.0), Point2::new(112.0, 80.0)];
         let edge = EdgeTracer::new(luma.as_ref()).trace(&course).expect("an edge").points;
