@@ -1,6 +1,7 @@
 //! Which lens took a picture: what the user says, what the file says, what the marked lines say.
 
 use std::path::Path;
+use std::sync::{Arc, OnceLock};
 
 use super::gray_levels;
 use crate::pipeline::paths::to_path;
@@ -33,6 +34,8 @@ pub struct LensClues {
     pub size: (f64, f64),
     /// Gray levels, 0 to 255, in which edges are followed; none of a picture that was stitched, which no lens took.
     pub levels: Option<Plane<f32>>,
+    /// The lens of its edges, once they were followed: they do not change while settings and marks do.
+    of_edges: Arc<OnceLock<Option<Found>>>,
 }
 
 impl LensClues {
@@ -41,7 +44,7 @@ impl LensClues {
         let size = (photo.frame.width as f64, photo.frame.height as f64);
         let named = facts(photo.tags.clone(), size).lens().is_ok();
         let levels = (named || !is_stitched(photo)).then(|| gray_levels(&photo.frame, CURVES_SIDE_PX)).flatten();
-        Self { tags: photo.tags.clone(), size, levels }
+        Self { tags: photo.tags.clone(), size, levels, of_edges: Arc::default() }
     }
 }
 
@@ -194,7 +197,7 @@ fn given(facts: &ExifFacts, size: (f64, f64), request: LensRequest<'_>) -> Resul
 }
 
 fn named(projection: Projection, fov: FieldOfView, size: (f64, f64)) -> Result<Found, RunError> {
-    let how = format!("given: {:.1}°", fov.radians.to_degrees());
+    let how = format!("given: {}, {:.1}°", projection.name(), fov.radians.to_degrees());
     let lens = Lens::from_field_of_view(projection, fov, size).map_err(|e| RunError::Usage(e.to_string()))?;
     Ok(Found { lens, how, focal_sigma: None, warnings: Vec::new() })
 }
@@ -234,11 +237,9 @@ fn automatic(
     if exif.is_err() && (size.0 - 2.0 * size.1).abs() < 1.0 {
         return panorama(size);
     }
-    if let Some(levels) = &clues.levels {
-        let claimed = exif.as_ref().ok().map(|found| &found.lens);
-        if let Some(found) = from_edges(levels, size, claim, claimed, run)? {
-            return Ok(found);
-        }
+    let claimed = exif.as_ref().ok().map(|found| &found.lens);
+    if let Some(found) = of_edges(clues, claim, claimed, run)? {
+        return Ok(found);
     }
     let found = exif.map_err(|error| RunError::Usage(format!("the lens is not known: {error}")))?;
     let how = format!("EXIF: {}", found.reason);
@@ -274,6 +275,21 @@ const MAX_CURVE_NOISE: f64 = 6e-4;
 const MIN_GAIN: f64 = 0.7;
 /// Largest relative standard deviation of a focal length from edges alone: 25 % moves the border of a fisheye by as much.
 const MAX_FOCAL_SIGMA: f64 = 0.25;
+
+/// The lens of the edges, found once: of what it depends on, all is the picture's.
+fn of_edges(
+    clues: &LensClues,
+    claim: Option<(FieldOfView, f64)>,
+    claimed: Option<&Lens>,
+    run: &Run,
+) -> Result<Option<Found>, RunError> {
+    let Some(levels) = &clues.levels else { return Ok(None) };
+    if let Some(known) = clues.of_edges.get() {
+        return Ok(known.clone());
+    }
+    let found = from_edges(levels, clues.size, claim, claimed, run)?;
+    Ok(clues.of_edges.get_or_init(|| found).clone())
+}
 
 /// The lens under which edges of the picture are straight; `None` where too few agree, where they do not determine one, or where
 /// they fit the claimed one about as well.
