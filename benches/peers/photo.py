@@ -3,7 +3,7 @@
 
     photo.py --plumbline BIN --metrics DIR [--media DIR] [--marks DIR] [--out DIR] [PART...]
 
-PART is among boards, unknown, portraits, retarget, shapes, speed; all of them if none is named.
+PART is among boards, partial, honest, unknown, portraits, retarget, shapes, speed; all of them if none is named.
 --metrics is the folder of `warp_metrics.py`, which judges every map. --media (or PLUMBLINE_MEDIA) is the media folder,
 whose `photo` holds `fisheye_calib`, `portrait` and `retarget`. --marks holds the lines of the portraits
 (`NAME.lines.json`; by default those kept beside the tests). --out gets a contact sheet per photo, and `PART.json` with the figures.
@@ -11,6 +11,9 @@ whose `photo` holds `fisheye_calib`, `portrait` and `retarget`. --marks holds th
 boards     fisheye checkerboards, the lens known, lines marked; valid: share of the output that the source fills;
            source: share of the source that the output shows; qc: local stretch against the sphere, 95th percentile
            ends: how far the lines run off over a tenth of their length beyond their marked ends, px, the worst
+partial    boards with marks two points short of both ends, with every fourth line marked, and with nothing given; all of their
+           lines are measured
+honest     boards under wrong lenses: what the summary reports against what all lines of the board say
 unknown    the same with the lens unknown, and circular fisheyes
 portraits  wide-angle portraits, lines and faces marked; worst stretch of a face against looking straight at it
 retarget   to 60 % of the width, beside plain scale, crop, and the package `seam-carving` where it is installed
@@ -132,6 +135,49 @@ def boards(a):
     return rows
 
 
+def partial(a):
+    folder, rows = a.media / "fisheye_calib", []
+    shorter = {"cut short": lambda marks: [dict(m, points=m["points"][2:-2]) for m in marks if len(m["points"]) >= 7],
+               "a quarter": lambda marks: marks[::4], "nothing": lambda marks: None}
+    for source in photos(folder, "gopro*"):
+        whole = source.with_name(source.stem + "_lines.json")
+        size, lines = cv2.imread(str(source)).shape[1::-1], photo_maps.marked_lines(whole)
+        for label, shorten in shorter.items():
+            marks, options = shorten(json.loads(whole.read_text())), ["--faces", "off"]
+            if marks is not None:
+                path = a.out / "maps" / f"{source.stem}.{label.replace(' ', '-')}.json"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(json.dumps(marks))
+                options += ["--lines", path, "--lens", folder / "gopro_kb.json"]
+            made = mapped(a, "rectify", source, f"{source.stem}-{label.replace(' ', '-')}", *options)
+            figures = judged(a, made, size, lines, None, json.loads((folder / "gopro_kb.json").read_text())) if made else {}
+            if made:
+                figures["reported"] = made["report"]["worst_line_px"]
+                figures["lens"] = made["report"]["lens"]["found"]
+            rows.append((source.stem, label, figures))
+    columns = ["worst px", "reported", "max/len", "lines shown", "qc p95", "mesh folds", "source"]
+    table(rows + summary(rows, columns), columns)
+    return rows
+
+
+def honest(a):
+    folder, rows = a.media / "fisheye_calib", []
+    for source in photos(folder, "gopro*"):
+        whole = source.with_name(source.stem + "_lines.json")
+        size, lines = cv2.imread(str(source)).shape[1::-1], photo_maps.marked_lines(whole)
+        for lens, fov in (("equidistant", 150), ("equidistant", 100), ("rectilinear", 100), ("equisolid", 140)):
+            options = ["--faces", "off", "--lens", lens, "--fov", fov]
+            made = mapped(a, "rectify", source, f"{source.stem}-{lens}-{fov}", *options)
+            figures = judged(a, made, size, lines) if made else {}
+            if made:
+                figures["reported"] = made["report"]["worst_line_px"]
+                figures["ratio"] = figures["reported"] / figures["worst px"]
+            rows.append((source.stem, f"{lens} {fov}", figures))
+    columns = ["worst px", "reported", "ratio"]
+    table(rows + summary(rows, columns), columns)
+    return rows
+
+
 def unknown(a):
     folder, rows = a.media / "fisheye_calib", []
     camera = json.loads((folder / "gopro_kb.json").read_text())
@@ -223,7 +269,7 @@ def speed(a):
     return rows
 
 
-PARTS = {f.__name__: f for f in (boards, unknown, portraits, retarget, shapes, speed)}
+PARTS = {f.__name__: f for f in (boards, partial, honest, unknown, portraits, retarget, shapes, speed)}
 
 
 def arguments():

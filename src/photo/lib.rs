@@ -15,6 +15,7 @@ pub mod rectangle;
 pub mod rectify;
 mod report;
 pub mod retarget;
+mod straightness;
 pub mod temporal;
 mod warp;
 
@@ -22,4 +23,5 @@ pub use aspect_ratio::AspectRatio;
 pub use error::PhotoError;
 pub use great_circle::{Sight, best_circle};
 pub use line::{Line, Orientation};
-pub use warp::{FittedLine, Forward, LineReport, PhotoWarp};
+pub use straightness::measure_straightness;
+pub use warp::{FittedLine, Forward, LineReport, PhotoWarp, Straightness};

@@ -24,6 +24,7 @@ pub(super) fn of_line(line: &Line, lens: Option<&Lens>, warp: &PhotoWarp) -> Lin
         angle_error: None,
         off_lens_px,
         shown: fraction,
+        edge: None,
     };
     let Some(fit) = FittedLine::through(&shown) else { return none };
     let offs = || shown.iter().map(|p| fit.off(*p).abs());

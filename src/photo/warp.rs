@@ -2,10 +2,12 @@
 
 use plumbline_image::grid::GridMesh;
 use plumbline_image::warp::WarpField;
-use plumbline_num::math::{Point2, Vec2};
+use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Largest side of an output, px: the renderer's limit.
 pub(crate) const MAX_SIDE: usize = 16_384;
+/// Samples along each side of the source that decide how much of it is shown: to about a percent.
+const SHOWN_SAMPLES: usize = 96;
 /// Deviation from straightness, px, and as a fraction of the length, above both of which a line counts as bent.
 const BENT_PX: f64 = 1.0;
 const BENT_FRACTION: f64 = 1e-3;
@@ -25,7 +27,7 @@ pub struct PhotoWarp {
     pub forward: Box<Forward>,
     /// The marked lines, in their order.
     pub lines: Vec<LineReport>,
-    /// Indices of the faces that the crop cuts.
+    /// Indices of the faces that the crop cuts, or whose body, as far as the source shows it.
     pub cut_faces: Vec<usize>,
     /// Solves of the energy; 0 where the map has a closed form.
     pub iterations: usize,
@@ -37,6 +39,21 @@ impl std::fmt::Debug for PhotoWarp {
         let mut s = f.debug_struct("PhotoWarp");
         s.field("field", field).field("size", size).field("mesh", mesh).field("lines", lines);
         s.field("cut_faces", cut_faces).field("iterations", iterations).finish_non_exhaustive()
+    }
+}
+
+impl PhotoWarp {
+    /// Part of the area of the source, of so many px, that the output shows, in [0, 1].
+    pub fn source_shown(&self, (width, height): (f64, f64)) -> f64 {
+        let frame = Rect::of_size(self.size.0 as f64, self.size.1 as f64);
+        let source = Rect::of_size(width, height);
+        let at = |k: usize| ((k as f64) + 0.5) / SHOWN_SAMPLES as f64;
+        let shows = |k: &usize| {
+            let p = source.at(at(k % SHOWN_SAMPLES), at(k / SHOWN_SAMPLES));
+            (self.forward)(p).is_some_and(|p| frame.contains(p))
+        };
+        let all = SHOWN_SAMPLES * SHOWN_SAMPLES;
+        (0..all).filter(shows).count() as f64 / all as f64
     }
 }
 
@@ -60,12 +77,29 @@ pub struct LineReport {
     pub off_lens_px: Option<f64>,
     /// Fraction of the marked points that the output shows.
     pub shown: f64,
+    /// What its edge in the result says; `None` where it was not looked for, or none was found.
+    pub edge: Option<Straightness>,
+}
+
+/// How straight an edge is in a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Straightness {
+    /// Largest distance from the best straight line, px.
+    pub max_px: f64,
+    /// Distance of its ends, px.
+    pub length_px: f64,
 }
 
 impl LineReport {
+    /// Largest distance from straight, px: of its edge in the result, or of its points where no edge was found.
+    pub fn off_px(&self) -> f64 {
+        self.edge.map_or(self.max_px, |edge| edge.max_px)
+    }
+
     /// The line could not be made straight.
     pub fn is_bent(&self) -> bool {
-        self.max_px > BENT_PX && self.max_px > BENT_FRACTION * self.length_px
+        let length = self.edge.map_or(self.length_px, |edge| edge.length_px);
+        self.off_px() > BENT_PX && self.off_px() > BENT_FRACTION * length
     }
 }
 

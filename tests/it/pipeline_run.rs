@@ -294,6 +294,8 @@ fn a_summary_reads_well() {
         readout_s: Some(0.0183),
         window: None,
         surface: None,
+        lens: None,
+        source_shown: None,
         lines: None,
         cut_short: false,
         warnings: vec!["2 corrupt packets were concealed".into()],

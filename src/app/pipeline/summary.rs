@@ -74,6 +74,10 @@ pub struct Summary {
     pub warnings: Vec<String>,
     /// The window that a clip's new shape shows of its pictures.
     pub window: Option<WindowSummary>,
+    /// Which lens a still picture was taken with, how that is known and how exactly.
+    pub lens: Option<String>,
+    /// Part of a still picture's area that the result shows.
+    pub source_shown: Option<f64>,
     /// How straight the lines of a still picture became.
     pub lines: Option<LinesSummary>,
     /// The mesh that was read, and what became of it.
@@ -104,7 +108,10 @@ impl fmt::Display for WindowSummary {
 pub struct LinesSummary {
     /// How many there are.
     pub count: usize,
-    /// Name of the one that is least straight, and how far it is off, px of the output.
+    /// Those whose edges were found and measured in the result.
+    pub measured: usize,
+    /// Name of the least straight of the measured ones, and how far it is off, px of the output; where none was measured, what the
+    /// map itself says of the least straight of all.
     pub worst: Option<(String, f64)>,
 }
 
@@ -163,7 +170,15 @@ impl fmt::Display for LinesSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.worst {
             None => f.write_str("none"),
-            Some((name, px)) => write!(f, "{}, off straight by at most {px:.2} px (`{name}`)", self.count),
+            Some((name, px)) => {
+                let Self { count, measured, .. } = self;
+                write!(f, "{count}, off straight by at most {px:.2} px (`{name}`), ")?;
+                match measured {
+                    0 => f.write_str("not measured: no edge of them is clear in the result"),
+                    n if n == count => f.write_str("measured on their edges in the result"),
+                    n => write!(f, "measured on the edges of {n} in the result"),
+                }
+            }
         }
     }
 }
@@ -199,7 +214,9 @@ impl Summary {
             facts.push(format!("shake {:.2} to {:.2} px", before.px, after.px));
         }
         facts.extend(self.crop.map(|crop| format!("{:.1} % kept", 100.0 * crop)));
+        facts.extend(self.source_shown.map(|shown| format!("shows {:.0} % of the source", 100.0 * shown)));
         facts.extend(self.lines.as_ref().map(|lines| format!("lines {lines}")));
+        facts.extend(self.lens.as_ref().map(|lens| format!("lens {lens}")));
         let files = match outputs.as_slice() {
             [] => "no file".to_owned(),
             [first, .., last] if outputs.len() > MAX_LISTED => format!("{first} to {last} ({} files)", outputs.len()),
@@ -244,6 +261,12 @@ impl fmt::Display for Summary {
         }
         if let Some(window) = &self.window {
             writeln!(f, "  window    {window}")?;
+        }
+        if let Some(shown) = self.source_shown {
+            writeln!(f, "  shows     {:.0} % of the source", 100.0 * shown)?;
+        }
+        if let Some(lens) = &self.lens {
+            writeln!(f, "  lens      {lens}")?;
         }
         if let Some(lines) = &self.lines {
             writeln!(f, "  lines     {lines}")?;

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use super::photo::gray_levels;
 use super::photo::lens::{self, LensRequest};
 use super::prelude::*;
 use super::values::LineSet;
 use plumbline_camera::{FieldAxis, Lens};
 use plumbline_image::still::Photo;
-use plumbline_image::{Frame, Plane, analysis_luma};
+use plumbline_image::{Frame, Plane};
 use plumbline_num::math::Point2;
 use plumbline_num::run::Run;
 use plumbline_photo::Line;
@@ -83,11 +84,7 @@ pub struct LineSearch {
 impl LineSearch {
     /// Of a picture; `None` where its memory does not hold its planes.
     pub fn of(frame: &Frame) -> Option<Self> {
-        let mut luma = Plane::new(0, 0);
-        if !analysis_luma(frame, MAX_SIDE_PX, &mut luma) {
-            return None;
-        }
-        let levels = Plane::from_fn(luma.width(), luma.height(), |x, y| f32::from(luma.as_ref().row(y)[x]));
+        let levels = gray_levels(frame, MAX_SIDE_PX)?;
         Some(Self { levels, size: (frame.width as f64, frame.height as f64) })
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde_json::{Map, json};
 
 use super::photo::lens::{self, LensRequest, lens_file};
-use super::photo::{rectangle, rectified, rects, report_lines, view};
+use super::photo::{gray_levels, rectangle, rectified, rects, report_lines, view};
 use super::prelude::*;
 use super::values::{LineSet, PhotoMap};
 use crate::pipeline::sizes::{PictureSize, TargetSize, ViewAngles, ViewField};
@@ -13,6 +13,7 @@ use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
 use plumbline_photo::line_detection::off_faces;
+use plumbline_photo::measure_straightness;
 use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, Window};
 
 /// Settings of `photo.rectify`.
@@ -116,16 +117,30 @@ impl Stage for PhotoRectifySettings {
             saliency: importance.as_ref().map(|i| i.plane()),
         };
         let wanted = |natural| self.size.map_or(natural, |size| size.pixels(natural));
-        let warp = rectified(&input, &options(self, &found.lens), wanted, &context.job.run())?;
+        let mut warp = rectified(&input, &options(self, &found.lens), wanted, &context.job.run())?;
+        if let Some(levels) = gray_levels(&photo.frame, MEASURED_SIDE_PX) {
+            let size = (photo.frame.width, photo.frame.height);
+            measure_straightness(&mut warp, &lines, Some(&found.lens), levels.as_ref(), size);
+        }
+        context.job.check_cancel()?;
         // The summary and the report.
+        context.summary.lens = Some(found.named());
+        // Of a panorama, and of a view that was asked for, there is no whole to show.
+        let source = (photo.frame.width as f64, photo.frame.height as f64);
+        if !found.lens.projection.is_panoramic() && self.view_field.is_none() {
+            context.summary.source_shown = Some(warp.source_shown(source));
+        }
         report_lines(context, &warp.lines, &[]);
         warn_of_cut_faces(context, &warp.cut_faces);
         let mut report = Map::new();
+        report.insert("source_shown".into(), json!(context.summary.source_shown));
         let lens = &found.lens;
         report.insert(
             "lens".into(),
             json!({
                 "found": found.how,
+                "width_deg": found.width().map(f64::to_degrees),
+                "width_sigma_deg": found.sigma().map(f64::to_degrees),
                 "projection": lens.projection.name(),
                 "focal_px": [lens.focal.x, lens.focal.y],
                 "center_px": [lens.center.x, lens.center.y],
@@ -135,6 +150,9 @@ impl Stage for PhotoRectifySettings {
         Ok((Arc::new(PhotoMap { warp, report }),))
     }
 }
+
+/// Longest side of the gray levels on which the result is measured, px.
+const MEASURED_SIDE_PX: usize = 2000;
 
 /// What a view of a panorama shows unless said otherwise.
 const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };

@@ -46,7 +46,7 @@ impl Stage for PhotoReportSettings {
 fn entries(map: &PhotoMap, name: &str, source: (usize, usize)) -> Json {
     let warp = &map.warp;
     let lines: Vec<Json> = warp.lines.iter().map(line).collect();
-    let worst = warp.lines.iter().map(|l| l.max_px).fold(0.0, f64::max);
+    let worst = warp.lines.iter().map(LineReport::off_px).fold(0.0, f64::max);
     let mut all = Map::new();
     all.insert("version".into(), 1.into());
     all.insert("input".into(), json!({"name": name, "size": [source.0, source.1]}));
@@ -70,6 +70,8 @@ fn line(line: &LineReport) -> Json {
         "angle_error_deg": line.angle_error.map(f64::to_degrees),
         "off_lens_px": line.off_lens_px,
         "shown": line.shown,
+        "edge_max_px": line.edge.map(|edge| edge.max_px),
+        "edge_length_px": line.edge.map(|edge| edge.length_px),
         "bent": line.is_bent(),
     })
 }

@@ -1,6 +1,7 @@
 //! Features of one picture: corners, line segments, masks, faces, saliency and importance.
 
 mod corners;
+mod edge_trace;
 mod error;
 mod faces;
 mod gradient;
@@ -11,6 +12,7 @@ mod saliency;
 mod segments;
 
 pub use corners::{Corner, CornerDetector};
+pub use edge_trace::{EdgeTracer, SmoothCurve, TracedEdge, averaged};
 pub use error::FeatureError;
 pub use faces::{Face, FaceDetector, FaceOptions};
 pub use gradient::gradient;

@@ -14,6 +14,7 @@
 //! Without a lens the photo is the view, and is taken as a perspective one.
 
 mod arc;
+mod curves;
 mod select;
 mod snap;
 #[cfg(test)]
@@ -32,6 +33,7 @@ use plumbline_image::feature::segments;
 use plumbline_num::math::{Point2, Rect, Vec2};
 use plumbline_num::run::{Run, Stopped};
 
+pub use curves::curves;
 pub use snap::snapped;
 
 use arc::Arc;

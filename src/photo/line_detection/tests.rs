@@ -224,3 +224,51 @@ fn lines_on_faces_are_no_lines_of_buildings() {
     assert_eq!(super::off_faces(lines.clone(), &[]), lines);
     assert_eq!(super::off_faces(lines, &[face]), [shelf], "most of the shelf is beside it");
 }
+
+#[test]
+fn edges_alone_tell_the_lens() {
+    for (projection, degrees) in [(Projection::Equidistant, 120.0), (Projection::Stereographic, 140.0)] {
+        let room = Room::new(projection, degrees, 12.0);
+        let edges = curves(room.photo().as_ref(), &Run::default()).expect("a run that never stops");
+        let options = crate::calibration::CalibrationOptions::default();
+        let found = crate::calibration::calibrate(&edges, room.lens.size, &options, &Run::default()).expect("a lens");
+        let (field, _) = found.field_of_view.expect("a field");
+        let name = room.lens.projection.name();
+        assert!((field.to_degrees() - degrees).abs() < 0.06 * degrees, "{name}: {}°", field.to_degrees());
+        assert!(found.noise_px < 0.5, "{name}: {} px", found.noise_px);
+    }
+}
+
+#[test]
+fn what_is_reported_of_straightness_is_what_the_result_shows() {
+    use crate::rectify::{RectifyInput, RectifyOptions, Target, rectify};
+    let room = Room::new(Projection::Equidistant, 120.0, 8.0);
+    let photo = room.photo();
+    // Long slats as they are, by the true lens.
+    let truth: Vec<Line> = room
+        .detect()
+        .lines
+        .into_iter()
+        .filter(|l| l.length_px > 250.0)
+        .map(|l| Line { points: l.line.course(Some(&room.lens), 16), ..l.line })
+        .collect();
+    assert!(truth.len() > 4);
+    for factor in [1.0, 1.2, 0.85] {
+        let wrong = Lens { focal: room.lens.focal * factor, ..room.lens.clone() };
+        let options = RectifyOptions { target: Target::Fixed(Projection::Rectilinear), ..RectifyOptions::default() };
+        let input = RectifyInput { lens: &wrong, lines: &truth, faces: &[], saliency: None };
+        let mut warp = rectify(&input, &options, &Run::default()).expect("a warp");
+        crate::measure_straightness(&mut warp, &truth, Some(&wrong), photo.as_ref(), (640, 480));
+        let measured = warp.lines.iter().filter_map(|l| l.edge).map(|e| e.max_px).fold(0.0, f64::max);
+        let frame = plumbline_num::math::Rect::of_size(warp.size.0 as f64, warp.size.1 as f64);
+        let real = |line: &Line| {
+            let points: Vec<Point2> = line.points.iter().filter_map(|p| (warp.forward)(*p)).collect();
+            let points: Vec<Point2> = points.into_iter().filter(|p| frame.contains(*p)).collect();
+            let fit = crate::FittedLine::through(&points)?;
+            Some(points.iter().map(|p| fit.off(*p).abs()).fold(0.0, f64::max))
+        };
+        let real = truth.iter().filter_map(real).fold(0.0, f64::max);
+        assert!((measured - real).abs() < 0.3 * real.max(2.5), "focal × {factor}: {measured} px, in truth {real} px");
+        assert!(factor == 1.0 || real > 3.0, "focal × {factor} bends by {real} px");
+    }
+}

@@ -392,6 +392,7 @@ fn report(line: &Line, grid: &Grid, mesh: &GridMesh) -> LineReport {
         angle_error: wanted.filter(|_| fitted.is_some()).map(|wanted| within_half_turn(angle - wanted)),
         off_lens_px: None,
         shown: shown.len() as f64 / samples.len().max(1) as f64,
+        edge: None,
     }
 }
 

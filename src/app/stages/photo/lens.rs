@@ -1,17 +1,22 @@
 //! Which lens took a picture: what the user says, what the file says, what the marked lines say.
 
 use std::path::Path;
+use std::sync::{Arc, OnceLock};
 
+use super::gray_levels;
 use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::lines_detect::LinesDetectSettings;
 use crate::stages::photo_rectify::PhotoRectifySettings;
 use plumbline_camera::{ExifFacts, FieldAxis, FieldOfView, Lens, Projection, lensfun_lens, read_lens};
+use plumbline_image::Plane;
 use plumbline_image::still::{ExifTags, Photo};
+use plumbline_num::math::Point2;
 use plumbline_num::run::Run;
-use plumbline_photo::Line;
 use plumbline_photo::calibration::{CalibrationOptions, LineRole, calibrate};
+use plumbline_photo::line_detection::curves;
 use plumbline_photo::rectangle::Outline;
+use plumbline_photo::{Line, PhotoError, Sight, best_circle};
 
 /// Relative error that a focal length from EXIF may have, and one that the user gives. EXIF rounds to whole
 /// millimeters and counts in 35-mm terms; the user's number is trusted to its last digit.
@@ -27,13 +32,24 @@ pub struct LensClues {
     pub tags: ExifTags,
     /// Width and height of the picture, px.
     pub size: (f64, f64),
+    /// Gray levels, 0 to 255, in which edges are followed; none of a picture that was stitched, which no lens took.
+    pub levels: Option<Plane<f32>>,
+    /// The lens of its edges, once they were followed: they do not change while settings and marks do.
+    of_edges: Arc<OnceLock<Option<Found>>>,
 }
 
 impl LensClues {
     /// Of a picture.
     pub fn of(photo: &Photo) -> Self {
-        Self { tags: photo.tags.clone(), size: (photo.frame.width as f64, photo.frame.height as f64) }
+        let size = (photo.frame.width as f64, photo.frame.height as f64);
+        let named = facts(photo.tags.clone(), size).lens().is_ok();
+        let levels = (named || !is_stitched(photo)).then(|| gray_levels(&photo.frame, CURVES_SIDE_PX)).flatten();
+        Self { tags: photo.tags.clone(), size, levels, of_edges: Arc::default() }
     }
+}
+
+fn is_stitched(photo: &Photo) -> bool {
+    Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched())
 }
 
 /// What the user says of the lens.
@@ -66,8 +82,33 @@ pub struct Found {
     pub lens: Lens,
     /// In words, for the report.
     pub how: String,
+    /// Relative standard deviation of the focal length, where the source states one.
+    pub focal_sigma: Option<f64>,
     /// For the user.
     pub warnings: Vec<String>,
+}
+
+impl Found {
+    /// Field of view along the width, rad.
+    pub fn width(&self) -> Option<f64> {
+        self.lens.field_of_view(FieldAxis::Horizontal).map(|field| field.radians)
+    }
+
+    /// Its standard deviation, rad: what a focal length off by its own would change.
+    pub fn sigma(&self) -> Option<f64> {
+        let focal = self.lens.focal * (1.0 + self.focal_sigma?);
+        let other = Lens { focal, ..self.lens.clone() };
+        Some((self.width()? - other.field_of_view(FieldAxis::Horizontal)?.radians).abs())
+    }
+
+    /// Projection, field, uncertainty and source in words.
+    pub fn named(&self) -> String {
+        let field = self.width().map(|width| match self.sigma() {
+            Some(sigma) => format!(" {:.1}° ± {:.1}° wide", width.to_degrees(), sigma.to_degrees()),
+            None => format!(" {:.1}° wide", width.to_degrees()),
+        });
+        format!("{}{} ({})", self.lens.projection.name(), field.unwrap_or_default(), self.how)
+    }
 }
 
 /// The lens of a picture.
@@ -78,7 +119,7 @@ pub fn find(clues: &LensClues, marked: &[Line], request: LensRequest<'_>, run: &
     let size = clues.size;
     let facts = facts(clues.tags.clone(), size);
     if request.lens == "auto" {
-        automatic(&facts, marked, size, request.fov, run)
+        automatic(clues, &facts, marked, request.fov, run)
     } else {
         given(&facts, size, request)
     }
@@ -91,9 +132,8 @@ pub(crate) fn find_unless_stitched(
     request: LensRequest<'_>,
     run: &Run,
 ) -> Result<Option<Found>, RunError> {
-    let stitched = || Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
     match find(&LensClues::of(photo), marked, request, run) {
-        Err(_) if request.lens == "auto" && stitched() => Ok(None),
+        Err(_) if request.lens == "auto" && is_stitched(photo) => Ok(None),
         found => found.map(Some),
     }
 }
@@ -157,56 +197,154 @@ fn given(facts: &ExifFacts, size: (f64, f64), request: LensRequest<'_>) -> Resul
 }
 
 fn named(projection: Projection, fov: FieldOfView, size: (f64, f64)) -> Result<Found, RunError> {
-    let how = format!("{}, {:.1}°", projection.name(), fov.radians.to_degrees());
+    let how = format!("given: {}, {:.1}°", projection.name(), fov.radians.to_degrees());
     let lens = Lens::from_field_of_view(projection, fov, size).map_err(|e| RunError::Usage(e.to_string()))?;
-    Ok(Found { lens, how, warnings: Vec::new() })
+    Ok(Found { lens, how, focal_sigma: None, warnings: Vec::new() })
 }
 
 fn from_file(path: &Path, facts: &ExifFacts, size: (f64, f64)) -> Result<Found, RunError> {
     let profile = read_lens(path, facts).map_err(|e| RunError::Input(e.to_string()))?;
     let fits = profile.lens.resized(size);
     let lens = fits.map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
-    Ok(Found { lens, how: format!("{} file {}", profile.format, path.display()), warnings: profile.notes })
+    let how = format!("{} file {}", profile.format, path.display());
+    Ok(Found { lens, how, focal_sigma: None, warnings: profile.notes })
 }
 
-/// From marked lines, with what EXIF or the user claim as a prior; without lines from a profile, or from those claims alone.
+/// From marked lines, with what EXIF or the user claim as a prior; without lines from a profile, from edges that are found in the
+/// picture, with the same prior, or from those claims alone.
 fn automatic(
+    clues: &LensClues,
     facts: &ExifFacts,
     marked: &[Line],
-    size: (f64, f64),
     given: Option<FieldOfView>,
     run: &Run,
 ) -> Result<Found, RunError> {
+    let size = clues.size;
     // What is claimed about the field of view, and how exactly.
     let exif = facts.lens();
     let exif_field = || Some((exif.as_ref().ok()?.lens.field_of_view(FieldAxis::Horizontal)?, CLAIMED));
     let claim = given.map(|fov| (fov, GIVEN)).or_else(exif_field);
-    // In this order: marked lines, the field of view given, a lensfun profile, EXIF, the shape of a panorama.
+    // In this order: marked lines, the field of view given, a lensfun profile, the shape of a panorama, edges, EXIF.
     if marked.iter().filter(|l| l.points.len() > 2).count() >= MIN_LINES {
         return from_lines(marked, size, claim, run);
     }
     if let Some(fov) = given {
         return named(Projection::Rectilinear, fov, size);
     }
-    if let Some(profile) = facts.model.as_ref().and_then(|_| lensfun_lens(None, facts).ok())
-        && let Ok(lens) = profile.lens.resized(size)
-    {
-        return Ok(Found {
-            lens,
-            how: format!("{} profile {}", profile.format, profile.name),
-            warnings: profile.notes,
-        });
+    if let Some(found) = from_profile(facts, size) {
+        return Ok(found);
     }
-    match exif {
-        Ok(found) => Ok(Found { lens: found.lens, how: format!("EXIF: {}", found.reason), warnings: Vec::new() }),
-        Err(_) if (size.0 - 2.0 * size.1).abs() < 1.0 => {
-            let all = FieldOfView::degrees(360.0, FieldAxis::Horizontal);
-            let mut found = named(Projection::Equirectangular, all, size)?;
-            found.warnings.push("taken for an equirectangular panorama, since it is twice as wide as high".to_owned());
-            Ok(found)
-        }
-        Err(error) => Err(RunError::Usage(format!("the lens is not known: {error}"))),
+    if exif.is_err() && (size.0 - 2.0 * size.1).abs() < 1.0 {
+        return panorama(size);
     }
+    let claimed = exif.as_ref().ok().map(|found| &found.lens);
+    if let Some(found) = of_edges(clues, claim, claimed, run)? {
+        return Ok(found);
+    }
+    let found = exif.map_err(|error| RunError::Usage(format!("the lens is not known: {error}")))?;
+    let how = format!("EXIF: {}", found.reason);
+    Ok(Found { lens: found.lens, how, focal_sigma: Some(CLAIMED), warnings: Vec::new() })
+}
+
+fn from_profile(facts: &ExifFacts, size: (f64, f64)) -> Option<Found> {
+    facts.model.as_ref()?;
+    let profile = lensfun_lens(None, facts).ok()?;
+    let lens = profile.lens.resized(size).ok()?;
+    let how = format!("{} profile {}", profile.format, profile.name);
+    Some(Found { lens, how, focal_sigma: None, warnings: profile.notes })
+}
+
+/// A picture twice as wide as high shows the whole sphere.
+fn panorama(size: (f64, f64)) -> Result<Found, RunError> {
+    let all = FieldOfView::degrees(360.0, FieldAxis::Horizontal);
+    let mut found = named(Projection::Equirectangular, all, size)?;
+    "guessed from the shape".clone_into(&mut found.how);
+    found.warnings.push("taken for an equirectangular panorama, since it is twice as wide as high".to_owned());
+    Ok(found)
+}
+
+/// Longest side of the picture in which edges are followed to find its lens, px: a fit of more says no more.
+const CURVES_SIDE_PX: usize = 1400;
+/// Least number of edges that must agree on a lens, and the least part of all of them.
+const MIN_CURVES: usize = 8;
+const MIN_AGREEING: f64 = 0.6;
+/// Largest scatter of edges around their lines, as a fraction of the diagonal: one px of a megapixel. Edges of things that are not
+/// straight scatter more.
+const MAX_CURVE_NOISE: f64 = 6e-4;
+/// Largest scatter under a lens from edges, as a fraction of that under the lens that EXIF claims, for which the former is taken.
+const MIN_GAIN: f64 = 0.7;
+/// Largest relative standard deviation of a focal length from edges alone: 25 % moves the border of a fisheye by as much.
+const MAX_FOCAL_SIGMA: f64 = 0.25;
+
+/// The lens of the edges, found once: of what it depends on, all is the picture's.
+fn of_edges(
+    clues: &LensClues,
+    claim: Option<(FieldOfView, f64)>,
+    claimed: Option<&Lens>,
+    run: &Run,
+) -> Result<Option<Found>, RunError> {
+    let Some(levels) = &clues.levels else { return Ok(None) };
+    if let Some(known) = clues.of_edges.get() {
+        return Ok(known.clone());
+    }
+    let found = from_edges(levels, clues.size, claim, claimed, run)?;
+    Ok(clues.of_edges.get_or_init(|| found).clone())
+}
+
+/// The lens under which edges of the picture are straight; `None` where too few agree, where they do not determine one, or where
+/// they fit the claimed one about as well.
+fn from_edges(
+    levels: &Plane<f32>,
+    full: (f64, f64),
+    claim: Option<(FieldOfView, f64)>,
+    claimed: Option<&Lens>,
+    run: &Run,
+) -> Result<Option<Found>, RunError> {
+    let size = (levels.width() as f64, levels.height() as f64);
+    let edges = curves(levels.as_ref(), run)?;
+    if edges.len() < MIN_CURVES {
+        return Ok(None);
+    }
+    let options = CalibrationOptions { field_of_view: claim, ..CalibrationOptions::default() };
+    let found = match calibrate(&edges, size, &options, run) {
+        Ok(found) => found,
+        Err(PhotoError::Interrupted(stopped)) => return Err(PhotoError::Interrupted(stopped).into()),
+        Err(_) => return Ok(None),
+    };
+    let used: Vec<&Line> =
+        edges.iter().zip(&found.lines).filter(|(_, fit)| fit.role == LineRole::Used).map(|(line, _)| line).collect();
+    let agreeing = used.len() as f64 / edges.len() as f64;
+    let noise = found.noise_px / size.0.hypot(size.1);
+    if used.len() < MIN_CURVES || agreeing < MIN_AGREEING || noise > MAX_CURVE_NOISE {
+        return Ok(None);
+    }
+    let scatter = |lens: &Lens| {
+        let lens = lens.resized(size).ok()?;
+        let squares = used.iter().filter_map(|line| scatter(&line.points, &lens)).sum::<f64>();
+        Some((squares / used.len() as f64).sqrt())
+    };
+    let gain = claimed.and_then(|lens| Some(scatter(&found.lens)? / scatter(lens)?));
+    if gain.is_some_and(|gain| gain > MIN_GAIN) || (claimed.is_none() && found.focal_sigma > MAX_FOCAL_SIGMA) {
+        return Ok(None);
+    }
+    let Ok(lens) = found.lens.resized(full) else { return Ok(None) };
+    let how = format!(
+        "{} from {} of {} edges found in the picture, which fit to {:.2} px of {:.0}",
+        found.model.name(),
+        used.len(),
+        edges.len(),
+        found.noise_px,
+        size.0.max(size.1),
+    );
+    Ok(Some(Found { lens, how, focal_sigma: Some(found.focal_sigma), warnings: Vec::new() }))
+}
+
+/// Mean square distance of points from their best great circle, px².
+fn scatter(points: &[Point2], lens: &Lens) -> Option<f64> {
+    let sights: Option<Vec<Sight>> = points.iter().map(|p| Sight::new(lens, *p)).collect();
+    let sights = sights?;
+    let n = best_circle(&sights)?;
+    Some(sights.iter().map(|s| s.distance(&n).powi(2)).sum::<f64>() / sights.len() as f64)
 }
 
 fn from_lines(
@@ -222,7 +360,7 @@ fn from_lines(
         |name: &str| format!("line `{name}` fits no lens under which the others are straight; it was left out there");
     let warnings = bent.map(|l| warning(&l.name)).collect();
     let how = format!("{} from marked lines, which fit to {:.2} px", found.model.name(), found.noise_px);
-    Ok(Found { lens: found.lens, how, warnings })
+    Ok(Found { lens: found.lens, how, focal_sigma: Some(found.focal_sigma), warnings })
 }
 
 /// What EXIF says, for a picture of `size` px. Digital zoom cuts the field; pixels count as they were when the picture was

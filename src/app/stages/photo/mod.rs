@@ -11,9 +11,9 @@ use super::context::Context;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::ViewAngles;
 use crate::pipeline::summary::LinesSummary;
-use plumbline_image::Frame;
 use plumbline_image::feature::Face;
 use plumbline_image::still::{self, LoadOptions, Photo, StillError, flattened};
+use plumbline_image::{Frame, Plane, analysis_luma};
 use plumbline_num::math::Rect;
 use plumbline_num::run::Run;
 use plumbline_photo::rectify::{OutputSize, Rectifier, RectifyInput, RectifyOptions, Target, View, rectify};
@@ -56,17 +56,27 @@ pub(crate) fn rectified(
     Ok(rectifier.warp()?)
 }
 
+/// The gray levels of a frame, 0 to 255, its longer side at most `max_side` px; `None` where its memory does not hold its planes.
+pub(crate) fn gray_levels(frame: &Frame, max_side: usize) -> Option<Plane<f32>> {
+    let mut luma = Plane::new(0, 0);
+    let made = analysis_luma(frame, max_side, &mut luma);
+    made.then(|| Plane::from_fn(luma.width(), luma.height(), |x, y| f32::from(luma.as_ref().row(y)[x])))
+}
+
 /// Reports how straight lines became, and warns of those that did not; `released` are those that were let go for the others.
 pub(crate) fn report_lines(context: &mut Context<'_, '_>, lines: &[LineReport], released: &[String]) {
-    let worst = worst_of(lines.iter()).map(|l| (l.name.clone(), l.max_px));
-    context.summary.lines = Some(LinesSummary { count: lines.len(), worst });
+    let measured = lines.iter().filter(|l| l.edge.is_some()).count();
+    // What was measured in the result, where anything was: the residuals of the map say nothing of a wrong lens.
+    let judged = lines.iter().filter(|l| measured == 0 || l.edge.is_some());
+    let worst = worst_of(judged).map(|l| (l.name.clone(), l.off_px()));
+    context.summary.lines = Some(LinesSummary { count: lines.len(), measured, worst });
     for warning in bent_lines(lines, released) {
         context.warn(warning);
     }
 }
 
 fn worst_of<'l>(lines: impl Iterator<Item = &'l LineReport>) -> Option<&'l LineReport> {
-    lines.max_by(|a, b| a.max_px.total_cmp(&b.max_px))
+    lines.max_by(|a, b| a.off_px().total_cmp(&b.off_px()))
 }
 
 /// A warning of the lines that were let go, and one of the others that are bent, each with the worst of them.
@@ -74,7 +84,8 @@ fn bent_lines(lines: &[LineReport], released: &[String]) -> Vec<String> {
     let (gone, kept): (Vec<_>, Vec<_>) = lines.iter().partition(|l| released.contains(&l.name));
     let bent: Vec<_> = kept.into_iter().filter(|l| l.is_bent()).collect();
     let warning = |(lines, what): (Vec<&LineReport>, &str)| {
-        let LineReport { name, max_px, .. } = worst_of(lines.iter().copied())?;
+        let worst = worst_of(lines.iter().copied())?;
+        let (name, max_px) = (&worst.name, worst.off_px());
         Some(match lines.len() {
             1 => format!("line `{name}` {what}: it is off by {max_px:.1} px"),
             count => format!("{count} lines {what}; the worst, `{name}`, is off by {max_px:.1} px"),
@@ -124,6 +135,7 @@ mod tests {
             angle_error: None,
             off_lens_px: None,
             shown: 1.0,
+            edge: None,
         };
         let lines = [line("a", 30.0), line("b", 0.1), line("c", 40.5), line("d", 50.0)];
         let released = ["a".to_owned(), "c".to_owned()];

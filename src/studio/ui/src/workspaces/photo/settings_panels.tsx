@@ -26,7 +26,7 @@ export function LensPanel({ page }: { page: PhotoPage }) {
     <Panel title="Lens">
       <div class="row">
         <Segmented label="Lens from" bare value={source} onChange={choose} options={[
-          { value: "auto", label: "Automatic", title: "Marked lines, a profile, EXIF: in this order" },
+          { value: "auto", label: "Automatic", title: "Marked lines, a profile, edges of the picture, EXIF: in this order" },
           { value: "model", label: "Model", title: "A projection and a field of view" },
           { value: "file", label: "File", title: "A lens file beside the photo", disabled: files.length === 0 && source !== "file" },
         ]} />
