@@ -75,6 +75,7 @@ memcheck: deps
 soak: deps
 	cargo build --release --locked
 	python3 tests/soak/run.py target/release/plumbline
+	python3 tests/soak/hostile.py target/release/plumbline
 
 lint: deps
 	cargo fmt --all --check

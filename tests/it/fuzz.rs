@@ -91,10 +91,20 @@ fn hammer(examples: &[Vec<u8>], body: fn(&[u8]), seed: u64) {
     hammer_times(ROUNDS, examples, body, seed);
 }
 
+/// Writes the examples as files into the folder `PLUMBLINE_SEEDS`, where that is set: a fuzzer starts from there.
+fn keep_as_seeds(examples: &[Vec<u8>], seed: u64) {
+    let Some(folder) = std::env::var_os("PLUMBLINE_SEEDS").map(std::path::PathBuf::from) else { return };
+    std::fs::create_dir_all(&folder).expect("a folder for seeds");
+    for (k, example) in examples.iter().enumerate() {
+        std::fs::write(folder.join(format!("{seed}-{k}")), example).expect("a seed");
+    }
+}
+
 /// [`hammer`] with a number of mutants. `PLUMBLINE_ROUNDS` overrides it, for longer runs.
 fn hammer_times(rounds: usize, examples: &[Vec<u8>], body: fn(&[u8]), seed: u64) {
     let asked = std::env::var("PLUMBLINE_ROUNDS").ok().and_then(|n| n.parse().ok());
     let rounds = asked.unwrap_or(rounds);
+    keep_as_seeds(examples, seed);
     let mut random = fastrand::Rng::with_seed(seed);
     for example in examples {
         body(example);

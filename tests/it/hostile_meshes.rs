@@ -7,6 +7,8 @@ use std::ops::ControlFlow;
 use nalgebra::{Point3, Vector3};
 use plumbline::num::run::Run;
 use plumbline::shape::character::extraction::{ExtractionOptions, ExtractionReport, extract};
+use plumbline::shape::character::io::parse_tgf;
+use plumbline::shape::character::weights::{WeightMethod, WeightOptions, bone_weights};
 use plumbline::shape::character::{CharacterError, CurveSkeleton};
 use plumbline::shape::mesh::{Model, TriMesh, shapes, write_model};
 use plumbline::shape::surface::modal::{ModesOptions, modes};
@@ -161,6 +163,62 @@ fn modes_of_a_hub_are_refused_before_they_take_memory_and_time() {
     assert_eq!(found.values.len(), 3);
 }
 
+/// Deforms by moving one of four vertices.
+fn deformed(mesh: &TriMesh, method: Method) -> Result<(), SurfaceError> {
+    let handles = Handles::exact([1, 2, 3, 4]).expect("four vertices");
+    let mut targets: Vec<_> = (1..5).map(|v| mesh.positions()[v]).collect();
+    targets[3] += Vector3::new(0.1, 0.2, 0.3);
+    deform(mesh, &handles, &targets, method).map(|_| ())
+}
+
+#[test]
+fn squared_laplacians_of_a_hub_are_refused_with_another_method() {
+    // The product of 20 000 triangles at a vertex has two hundred million entries: 13 GB.
+    let hub = fan(20_000);
+    let refused = deformed(&hub, Method::Laplacian).unwrap_err();
+    assert!(matches!(refused, SurfaceError::TooDense { .. }), "{refused}");
+    let text = refused.to_string();
+    assert!(text.contains("unknown 0 on 20000 others") && text.contains("arap") && text.contains("remesh"), "{text}");
+    deformed(&hub, Method::Arap).expect("its Laplacian has the edges of the mesh alone");
+    deformed(&fan(1000), Method::Laplacian).expect("a hub that can be solved");
+    let skeleton = parse_tgf("1 -1 0 0\n2 0 0 0\n3 1 0 0\n#\n1 2\n2 3\n").expect("a skeleton").skeleton;
+    let weights = |mesh: &TriMesh, method| {
+        let options = WeightOptions { method, ..WeightOptions::default() };
+        bone_weights(mesh, &skeleton, &options, &Run::default())
+    };
+    let refused = weights(&hub, WeightMethod::BoundedBiharmonic).unwrap_err();
+    assert!(matches!(refused, CharacterError::TooDense { .. }) && refused.to_string().contains("heat"), "{refused}");
+    weights(&hub, WeightMethod::Heat).expect("no squares");
+}
+
+#[test]
+fn systems_of_a_large_soup_are_refused_before_their_factors_are_allocated() {
+    let soup = soup(20_000, 40_000);
+    for method in [Method::Arap, Method::Laplacian] {
+        let refused = deformed(&soup, method).unwrap_err().to_string();
+        assert!(refused.contains("too many unknowns depend on one another"), "{method:?}: {refused}");
+    }
+    let refused = modes(&soup, 3, &ModesOptions::default(), &Run::default()).unwrap_err().to_string();
+    assert!(refused.contains("remesh"), "{refused}");
+}
+
+#[test]
+fn needles_that_double_precision_does_not_resolve_are_refused_with_a_remedy() {
+    let mut random = fastrand::Rng::with_seed(3);
+    let mut point = || Point3::from([(); 3].map(|()| random.f64()));
+    let needle = |k: u32| (0..3).map(move |c| 3 * k + c);
+    let positions = (0..300).flat_map(|_| {
+        let (a, b) = (point(), point());
+        [a, b, b + Vector3::new(1e-9, 2e-9, -1e-9)]
+    });
+    let triangles = (0..300).map(|k| needle(k).collect::<Vec<_>>().try_into().expect("three corners")).collect();
+    let needles = TriMesh::new(positions.collect(), triangles).expect("corners exist");
+    let refused = modes(&needles, 3, &ModesOptions::default(), &Run::default()).unwrap_err();
+    let SurfaceError::IllConditioned { vertex, vertices, .. } = refused else { panic!("{refused}") };
+    assert!(vertex < 900 && vertices <= 3, "{refused}");
+    assert!(refused.to_string().contains("too thin") && refused.to_string().contains("remesh"), "{refused}");
+}
+
 #[test]
 fn lengths_beyond_double_precision_are_refused_with_a_remedy() {
     let ball = shapes::icosphere(3);
@@ -181,7 +239,8 @@ fn lengths_beyond_double_precision_are_refused_with_a_remedy() {
     for method in [Method::Arap, Method::Poisson, Method::Laplacian, Method::Primo] {
         match deform(&huge, &handles, &targets, method) {
             Ok(found) => assert!(found.iter().all(|p| p.iter().all(|c| c.is_finite())), "{method:?}"),
-            Err(SurfaceError::Diverged { .. } | SurfaceError::Solve(_) | SurfaceError::NotFinite { .. }) => {}
+            Err(SurfaceError::Diverged { .. } | SurfaceError::IllConditioned { .. }) => {}
+            Err(SurfaceError::Solve(_) | SurfaceError::NotFinite { .. }) => {}
             Err(other) => panic!("{method:?}: {other}"),
         }
     }

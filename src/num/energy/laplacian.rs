@@ -93,9 +93,18 @@ impl ConstrainedLaplacian {
     /// [`SparseError::NotPositiveDefinite`], [`SparseError::NotFinite`]; [`SparseError::OutOfRange`] for an ordering of another
     /// size, [`SparseError::Interrupted`].
     pub fn factor(self, ordering: &Ordering, run: &Run) -> Result<FactoredLaplacian, SparseError> {
+        self.factor_within(ordering, f64::INFINITY, run)
+    }
+
+    /// [`Self::factor`] where the factorization takes at most `most` multiplications.
+    ///
+    /// # Errors
+    /// Those of [`Self::factor`]; [`SparseError::TooDense`] names the vertex of the most neighbors before the factor is allocated.
+    pub fn factor_within(self, ordering: &Ordering, most: f64, run: &Run) -> Result<FactoredLaplacian, SparseError> {
         let Self { unknowns, matrix } = self;
         let ordering = ordering.restricted(&unknowns.free, unknowns.of_vertex.len())?;
-        let factor = CompactFactor::of(&matrix, &ordering, run).map_err(|error| error.renumbered(&unknowns.free))?;
+        let factor = CompactFactor::of_within(&matrix, &ordering, most, run)
+            .map_err(|error| error.renumbered(&unknowns.free))?;
         Ok(FactoredLaplacian { unknowns, factor })
     }
 }
@@ -220,6 +229,20 @@ mod tests {
         assert!(matches!(error, SparseError::Singular { component } if component.unknowns == [2, 4]));
         let beyond = ConstrainedLaplacian::new(2, [(0, 2, 1.0)].into_iter(), |_| false).expect_err("two vertices");
         assert_eq!(beyond, SparseError::OutOfRange { index: 2, unknowns: 2 });
+    }
+
+    #[test]
+    fn a_graph_too_dense_is_refused_with_the_vertex_of_the_most_neighbors() {
+        // A wheel around vertex 3, whose neighbors are joined to vertex 5 as well; vertex 0 is fixed.
+        let spokes = [1, 2, 4, 6, 7].into_iter().flat_map(|v| [(3, v, 1.0), (5, v, 1.0)]);
+        let terms = spokes.chain([(0, 1, 1.0), (3, 5, 1.0), (3, 8, 1.0)]);
+        let laplacian = ConstrainedLaplacian::new(9, terms, |v| v == 0).expect("in range");
+        let run = Run::default();
+        let flops =
+            crate::sparse::FactorStructure::new(laplacian.matrix().pattern(), &Ordering::Amd).expect("valid").flops();
+        assert!(laplacian.clone().factor_within(&Ordering::Amd, flops, &run).is_ok());
+        let refused = laplacian.factor_within(&Ordering::Amd, flops - 1.0, &run).expect_err("one too many");
+        assert_eq!(refused, SparseError::TooDense { flops, most: flops - 1.0, unknown: 3, neighbors: 7 });
     }
 
     #[test]

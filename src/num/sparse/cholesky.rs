@@ -80,7 +80,7 @@ impl<T: Scalar> Cholesky<T> {
         let analysis = Analysis::new(pattern, &ordering.permutation(pattern)?);
         let flops = analysis.flops();
         if flops > most {
-            return Err(SparseError::TooDense { flops, most });
+            return Err(pattern.too_dense(flops, most));
         }
         let plan = Multifrontal::new(&analysis.blocks, &analysis.permuted);
         let nan = T::real(f64::NAN);

@@ -50,8 +50,17 @@ impl CompactFactor {
     /// # Errors
     /// As [`Cholesky::analyze`] and [`Cholesky::factor`].
     pub fn of(matrix: &SparseMatrix, ordering: &Ordering, run: &Run) -> Result<Self, SparseError> {
+        Self::of_within(matrix, ordering, f64::INFINITY, run)
+    }
+
+    /// [`Self::of`] where the factorization takes at most `most` multiplications; a denser system is refused before its factor is
+    /// allocated.
+    ///
+    /// # Errors
+    /// Those of [`Self::of`]; [`SparseError::TooDense`].
+    pub fn of_within(matrix: &SparseMatrix, ordering: &Ordering, most: f64, run: &Run) -> Result<Self, SparseError> {
         let ordering = if matrix.n() == 0 { &Ordering::Natural } else { ordering };
-        let mut cholesky = Cholesky::analyze(matrix.pattern(), ordering)?;
+        let mut cholesky = Cholesky::analyze_within(matrix.pattern(), ordering, most)?;
         cholesky.factor(matrix, run)?;
         Ok(Self::new(&cholesky))
     }

@@ -83,13 +83,18 @@ pub enum SparseError {
     /// Input: a factorization beyond what its caller allows.
     #[error(
         "the factorization would take {flops:.0e} multiplications (at most {most:.0e} for a system of this size): too many unknowns depend on \
-         one another, as where hundreds of triangles meet at single vertices; remesh, or solve a smaller part"
+         one another (unknown {unknown} on {neighbors} others), as where hundreds of triangles meet at single vertices, or join them at \
+         random; remesh, or solve a smaller part"
     )]
     TooDense {
         /// Multiplications that it takes, or a lower bound.
         flops: f64,
         /// Multiplications allowed.
         most: f64,
+        /// The unknown that depends on the most others directly.
+        unknown: usize,
+        /// How many these are.
+        neighbors: usize,
     },
     /// Input: an entry beyond the shape of its matrix.
     #[error("entry ({row}, {col}) is outside the {rows}×{columns} matrix (numbered from 0)")]
@@ -182,6 +187,8 @@ impl SparseError {
     pub(crate) fn renumbered(mut self, old: &[u32]) -> Self {
         if let Self::Singular { component } | Self::NotPositiveDefinite { component } = &mut self {
             component.unknowns.iter_mut().for_each(|k| *k = old[*k] as usize);
+        } else if let Self::TooDense { unknown, .. } = &mut self {
+            *unknown = old[*unknown] as usize;
         }
         self
     }

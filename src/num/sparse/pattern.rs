@@ -85,6 +85,17 @@ impl Pattern {
         (0..self.n()).flat_map(move |j| self.column(j).map(move |s| (self.row_idx[s] as usize, j, s)))
     }
 
+    /// The refusal of a factorization of so many multiplications, with the unknown of the most neighbors.
+    pub fn too_dense(&self, flops: f64, most: f64) -> SparseError {
+        let mut neighbors = vec![0_u32; self.n()];
+        for (i, j, _) in self.entries().filter(|(i, j, _)| i != j) {
+            neighbors[i] += 1;
+            neighbors[j] += 1;
+        }
+        let (unknown, &neighbors) = neighbors.iter().enumerate().rev().max_by_key(|(_, n)| **n).unwrap_or((0, &0));
+        SparseError::TooDense { flops, most, unknown, neighbors: neighbors as usize }
+    }
+
     /// Neighbors of each unknown in both triangles, without itself.
     pub(super) fn adjacency(&self) -> Lists<u32> {
         let off_diagonal = self.entries().filter(|(i, j, _)| i != j);

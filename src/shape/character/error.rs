@@ -34,6 +34,15 @@ pub enum CharacterError {
     /// Numerics: a linear system could not be solved.
     #[error("the equations of the surface could not be solved ({0}); repair or remesh it")]
     Solve(#[source] SparseError),
+    /// Input: a system too dense for this method, and what to do instead of remeshing.
+    #[error("{reason}, or {instead}")]
+    TooDense {
+        /// [`SparseError::TooDense`].
+        #[source]
+        reason: SparseError,
+        /// Another method that does not take as much.
+        instead: &'static str,
+    },
     /// A surface solver failed.
     #[error(transparent)]
     Surface(SurfaceError),
@@ -43,6 +52,14 @@ pub enum CharacterError {
 }
 
 impl CharacterError {
+    /// The error of a system; of one that is too dense it names another method.
+    pub(super) fn of_system(error: SparseError, instead: &'static str) -> Self {
+        match error {
+            reason @ SparseError::TooDense { .. } => Self::TooDense { reason, instead },
+            other => other.into(),
+        }
+    }
+
     /// Rejects a per-vertex array of the wrong length.
     pub(super) fn check_per_vertex(what: &'static str, given: usize, vertices: usize) -> Result<(), Self> {
         if given == vertices { Ok(()) } else { Err(Self::PerVertex { what, given, vertices }) }

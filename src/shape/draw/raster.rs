@@ -310,7 +310,9 @@ mod tests {
                     [Screen::draw, |s: &Screen, t: &mut Target<'_>| draw_plainly(s, t)].map(|draw| {
                         let (mut triangle, mut depth) = (vec![NO_TRIANGLE; columns * rows], vec![0.0; columns * rows]);
                         let mut target = Target::new(0, columns, &mut triangle, &mut depth, before.as_deref());
-                        drawn.iter().for_each(|screen| draw(screen, &mut target));
+                        for screen in &drawn {
+                            draw(screen, &mut target);
+                        }
                         (triangle, depth)
                     });
                 assert!(found == expected, "round {round}, layer {layer}");

@@ -225,7 +225,8 @@ impl Deformer {
     ///
     /// # Errors
     /// [`SurfaceError::NoHandle`], [`SurfaceError::NoSuchVertex`], [`SurfaceError::Unconstrained`], [`SurfaceError::Option`],
-    /// [`SurfaceError::Solve`] where a system has no safe factorization, [`SurfaceError::Interrupted`].
+    /// [`SurfaceError::IllConditioned`] where a system has no safe factorization, [`SurfaceError::TooDense`] or [`SurfaceError::Solve`] where
+    /// that is out of proportion to the surface, [`SurfaceError::Interrupted`].
     pub fn new(
         method: Method,
         mesh: &TriMesh,

@@ -75,7 +75,7 @@ impl DetailPreserving {
             }
         };
         let delta = laplacian(&weights, &bound.rest);
-        let system = HandleLaplacian::new(&weights.squared(&inverse_mass), 1.0, &bound.unknowns, run)?;
+        let system = HandleLaplacian::new(&weights.squared(&inverse_mass)?, 1.0, &bound.unknowns, run)?;
         Ok(Self { bound, weights, degenerate: cotangents.degenerate(), inverse_mass, delta, system })
     }
 

@@ -109,9 +109,63 @@ pub enum SurfaceError {
     /// Numerics: the factorization failed.
     #[error(transparent)]
     Solve(SparseError),
+    /// Numerics: a system that is determined, and not in double precision.
+    #[error(
+        "the equations of the component of {vertices} vertices that contains vertex {vertex} have no safe solution: its triangles are too thin, \
+         or of too different sizes, for double precision, or its constraints are too weak; repair or remesh it, or raise the weights of its \
+         handles"
+    )]
+    IllConditioned {
+        /// A vertex of the component.
+        vertex: usize,
+        /// Number of vertices of the component that are unknown.
+        vertices: usize,
+        /// What the factorization met.
+        #[source]
+        reason: SparseError,
+    },
+    /// Input: a system too dense for this method, and what to do instead of remeshing.
+    #[error("{reason}, or {instead}")]
+    TooDense {
+        /// [`SparseError::TooDense`].
+        #[source]
+        reason: SparseError,
+        /// Another method that does not take as much.
+        instead: &'static str,
+    },
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
+}
+
+impl SurfaceError {
+    /// The error of a factorization of a system in which each vertex has `per_vertex` unknowns, `vertex` that of the `k`-th. Components
+    /// without a constraint are set aside before, so that what is singular is so by rounding.
+    pub(super) fn of_factor(error: SparseError, per_vertex: usize, vertex: impl Fn(usize) -> usize) -> Self {
+        let of = |unknown: usize| vertex(unknown / per_vertex);
+        match error {
+            SparseError::Singular { ref component } | SparseError::NotPositiveDefinite { ref component } => {
+                let unknowns = &component.unknowns;
+                let vertex = of(unknowns.first().copied().unwrap_or(0));
+                Self::IllConditioned { vertex, vertices: unknowns.len().div_ceil(per_vertex), reason: error }
+            }
+            SparseError::TooDense { flops, most, unknown, neighbors } => Self::Solve(SparseError::TooDense {
+                flops,
+                most,
+                unknown: of(unknown),
+                neighbors: neighbors / per_vertex,
+            }),
+            other => other.into(),
+        }
+    }
+
+    /// The same error; of a system that is too dense it names another method.
+    pub(super) fn instead(self, instead: &'static str) -> Self {
+        match self {
+            Self::Solve(reason @ SparseError::TooDense { .. }) => Self::TooDense { reason, instead },
+            other => other,
+        }
+    }
 }
 
 impl From<EnergyError> for SurfaceError {

@@ -8,12 +8,13 @@
 //! All three coordinates share the factor, which depends on the mesh and on the set of constraints. A solve costs two
 //! triangular substitutions.
 
+use super::SurfaceError;
 use super::components::Unknowns;
 use super::lanes::Lanes;
-use crate::mesh::operators::EdgeWeights;
+use crate::mesh::operators::{EdgeWeights, max_multiplications};
 use plumbline_num::energy::{ConstrainedLaplacian, FIXED, FactoredLaplacian};
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Ordering, SparseError};
+use plumbline_num::sparse::Ordering;
 
 /// The factored system.
 #[derive(Debug)]
@@ -28,13 +29,16 @@ impl HandleLaplacian {
     /// Factors `q L` with these weights; `q > 0`.
     ///
     /// # Errors
-    /// As [`ConstrainedLaplacian::new`] and [`ConstrainedLaplacian::factor`].
-    pub(super) fn new(weights: &EdgeWeights, q: f64, unknowns: &Unknowns, run: &Run) -> Result<Self, SparseError> {
+    /// [`SurfaceError::IllConditioned`], [`SurfaceError::Solve`] of what is out of proportion to a surface, [`SurfaceError::Interrupted`].
+    pub(super) fn new(weights: &EdgeWeights, q: f64, unknowns: &Unknowns, run: &Run) -> Result<Self, SurfaceError> {
         let vertex = |k: usize| unknowns.handles.vertices()[k] as usize;
         let soft_terms = unknowns.soft.iter().map(|&(k, weight)| (vertex(k), vertex(k), weight));
         let terms = weights.iter().map(|(i, j, w)| (i, j, q * w)).chain(soft_terms);
-        let system = ConstrainedLaplacian::new(weights.vertex_count(), terms, |v| unknowns.unknown[v] == FIXED)?
-            .factor(&Ordering::Amd, run)?;
+        let laplacian = ConstrainedLaplacian::new(weights.vertex_count(), terms, |v| unknowns.unknown[v] == FIXED)?;
+        let most = max_multiplications(laplacian.matrix().n());
+        let system = laplacian
+            .factor_within(&Ordering::Amd, most, run)
+            .map_err(|error| SurfaceError::of_factor(error, 1, |vertex| vertex))?;
         let soft = unknowns.soft.iter().map(|&(k, weight)| (unknowns.unknown[vertex(k)], k, weight)).collect();
         Ok(Self { soft, points: vec![[0.0; 3]; system.free().len()], system })
     }

@@ -64,6 +64,9 @@ enum Rotations {
     Linear(SimilarityEditing),
 }
 
+/// Methods whose systems have the edges of the mesh alone.
+const INSTEAD: &str = "deform by another method (arap, poisson)";
+
 impl LaplacianEditing {
     pub(super) fn new(
         mesh: &TriMesh,
@@ -71,7 +74,7 @@ impl LaplacianEditing {
         options: &DeformOptions,
         run: &Run,
     ) -> Result<Self, SurfaceError> {
-        let details = DetailPreserving::new(mesh, handles, options, run)?;
+        let details = DetailPreserving::new(mesh, handles, options, run).map_err(|error| error.instead(INSTEAD))?;
         let fitted = |iterate| Rotations::Fitted {
             // Used for fitting rotations only: weights without negative ones never invert a cell.
             cells: Cells::new(
@@ -89,7 +92,10 @@ impl LaplacianEditing {
             }
             RotationEstimation::FirstSolve => fitted(false),
             RotationEstimation::Alternating => fitted(true),
-            RotationEstimation::Linear => Rotations::Linear(SimilarityEditing::new(&details, run)?),
+            RotationEstimation::Linear => {
+                let linear = SimilarityEditing::new(&details, run);
+                Rotations::Linear(linear.map_err(|error| error.instead("estimate rotations in another way"))?)
+            }
         };
         Ok(Self { details, rotations, last: None })
     }

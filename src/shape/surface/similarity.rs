@@ -23,9 +23,9 @@ use super::bound::Bound;
 use super::components::FIXED;
 use super::detail_preserving::{DetailPreserving, laplacian};
 use super::lanes::Lanes;
-use crate::mesh::operators::EdgeWeights;
+use crate::mesh::operators::{EdgeWeights, Forming, max_multiplications};
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{CompactFactor, Ordering, Pattern, SparseMatrix};
+use plumbline_num::sparse::{CompactFactor, Ordering, Pattern, SparseError, SparseMatrix};
 
 /// ε relative to the mean diagonal of the energy: far above rounding, and too small for a visible effect.
 const REGULARIZATION: f64 = 1e-8;
@@ -54,6 +54,7 @@ impl SimilarityEditing {
         let delta = laplacian(&details.weights, &bound.rest);
         let rows: Vec<Row> = (0..ring.len()).map(|i| row(i, &ring[i], &bound.rest, delta[i])).collect();
         let unknown = |v: u32| bound.unknowns.unknown[v as usize];
+        check(&rows)?;
         let pairs = rows.iter().flat_map(|row| row.iter().flat_map(move |a| row.iter().map(move |b| (a.0, b.0))));
         let entries = pairs
             .map(|(a, b)| (unknown(a), unknown(b)))
@@ -99,7 +100,9 @@ impl SimilarityEditing {
                 matrix.values_mut()[pattern.column_starts()[3 * unknown + c] as usize] += weight;
             }
         }
-        Ok(Self { rows, weights, edges, regularization, factor: CompactFactor::of(&matrix, &Ordering::Amd, run)? })
+        let factor = CompactFactor::of_within(&matrix, &Ordering::Amd, max_multiplications(pattern.n()), run)
+            .map_err(|error| SurfaceError::of_factor(error, 3, |unknown| bound.unknowns.free[unknown] as usize))?;
+        Ok(Self { rows, weights, edges, regularization, factor })
     }
 
     /// The minimizer and its energy, computed in a frame rotated with the handles, where the remaining rotations are small.
@@ -147,6 +150,15 @@ impl SimilarityEditing {
         let energy = self.rows.iter().zip(&self.weights).map(|(row, w)| w * residual(row, &x).norm_squared()).sum();
         (x, energy)
     }
+}
+
+/// Refuses rows whose vertices, each with each other, have more blocks of 3 × 3 than a surface.
+fn check(rows: &[Row]) -> Result<(), SparseError> {
+    let Some((vertex, densest)) = rows.iter().enumerate().max_by_key(|(_, row)| row.len()) else { return Ok(()) };
+    let forming =
+        Forming { unknowns: 3 * rows.len(), per_vertex: 3, vertex, neighbors: densest.len().saturating_sub(1) };
+    forming.check_clique()?;
+    forming.check_entries(rows.iter().map(|row| 9 * row.len() * (row.len() + 1) / 2).sum())
 }
 
 fn residual(row: &Row, x: &[Lanes]) -> Vector3<f64> {

@@ -31,7 +31,7 @@ use super::bone_distance::nearest;
 use super::heat::{Source, sources};
 use super::welded::Welded;
 use super::{Row, WeightReport, heat};
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas, max_multiplications};
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, SparseError, SparseMatrix};
@@ -67,7 +67,8 @@ pub(super) fn rows(
 ) -> Result<Vec<Row>, CharacterError> {
     let start = heat::rows(welded, bones, joints, run)?;
     let sources = sources(welded, bones, run)?;
-    let system = System::new(welded, &anchors(welded, bones, &sources), run)?;
+    let system = System::new(welded, &anchors(welded, bones, &sources), run)
+        .map_err(|error| CharacterError::of_system(error, "take heat weights"))?;
     let Some(system) = system else { return Ok(start) };
     let mut used: Vec<u32> = bones.iter().map(|b| b.joint).collect();
     used.dedup();
@@ -115,7 +116,7 @@ impl System {
         let mean = areas.iter().sum::<f64>() / areas.len() as f64;
         let areas: Vec<f64> = areas.iter().map(|a| a.max(MIN_AREA * mean)).collect();
         let inverse: Vec<f64> = areas.iter().map(|a| 1.0 / a).collect();
-        let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents).squared(&inverse);
+        let edges = EdgeWeights::cotangent(mesh.vertex_count(), &cotangents).squared(&inverse)?;
         let laplacian = ConstrainedLaplacian::new(anchors.len(), edges.iter(), |v| free.binary_search(&v).is_err())?;
         let anchored = |&(u, v, w): &(u32, u32, f64)| anchors[v as usize].map(|joint| (u, joint, w));
         let pull = laplacian.coupling().iter().filter_map(anchored).collect();
@@ -123,7 +124,8 @@ impl System {
         let mass: Vec<f64> = free.iter().map(|&v| areas[v]).collect();
         let rho = (INITIAL_LENGTH * mesh.diagonal()).powi(-4);
         run.check()?;
-        let mut cholesky = Cholesky::analyze(smoothness.pattern(), &Ordering::Amd)?;
+        let most = max_multiplications(smoothness.n());
+        let mut cholesky = Cholesky::analyze_within(smoothness.pattern(), &Ordering::Amd, most)?;
         cholesky.factor(&regularized(&smoothness, &mass, rho), run)?;
         let factor = CompactFactor::new(&cholesky);
         let anchored = anchors.iter().enumerate().filter_map(|(v, a)| a.map(|j| (v, j))).collect();

@@ -22,7 +22,7 @@ use super::Row;
 use super::bone_distance::nearest;
 use super::visibility::Occluders;
 use super::welded::Welded;
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas, max_multiplications};
 use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::sparse::{Ordering, SparseError};
@@ -60,7 +60,8 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) ->
     if unknown.is_empty() {
         return Ok(rows);
     }
-    let (mut factor, flow) = factored(welded, &sources, &unknown, is_warm, run)?;
+    let (mut factor, flow) = factored(welded, &sources, &unknown, is_warm, run)
+        .map_err(|error| CharacterError::of_system(error, "weight by distance"))?;
     let mut heated = vec![Vec::new(); joints];
     for (u, &v) in unknown.iter().enumerate() {
         for &b in &sources[v].bones {
@@ -109,7 +110,8 @@ fn factored(
     let terms = unknown.iter().zip(&flow).map(|(&v, &f)| (v, v, f)).chain(edges);
     let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), terms, |v| !is_warm(v))?;
     run.check()?;
-    Ok((laplacian.factor(&Ordering::Amd, run)?, flow))
+    let most = max_multiplications(laplacian.matrix().n());
+    Ok((laplacian.factor_within(&Ordering::Amd, most, run)?, flow))
 }
 
 /// The nearest visible bones of every welded vertex: bones are tested in order of distance until one is visible.

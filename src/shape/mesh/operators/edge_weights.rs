@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Cotangents;
+use super::{Cotangents, Forming};
 use crate::mesh::TriMesh;
 use plumbline_num::math::Lists;
 use plumbline_num::sparse::{Pattern, SparseError, SparseMatrix};
@@ -53,27 +53,25 @@ impl EdgeWeights {
     /// `L W L` with `W = diag(weights)`: the bilaplacian if the weights are inverse masses. Its rows sum to zero too, so that
     /// it is again a matrix of edge weights, of both signs, between vertices up to two edges apart.
     ///
+    /// # Errors
+    /// [`SparseError::TooDense`] where so many edges meet at vertices that the product, or its factor, would take gigabytes: it is counted
+    /// before it is formed.
+    ///
     /// # Panics
     /// If the number of weights differs from the number of vertices.
-    #[must_use]
-    pub fn squared(&self, weights: &[f64]) -> Self {
+    pub fn squared(&self, weights: &[f64]) -> Result<Self, SparseError> {
         assert_eq!(weights.len(), self.vertices, "one weight per vertex");
-        let mut rows: Vec<Vec<(u32, f64)>> = (0..self.vertices as u32).map(|v| vec![(v, 0.0)]).collect();
-        for (i, j, w) in self.iter() {
-            rows[i][0].1 += w;
-            rows[j][0].1 += w;
-            rows[i].push((j as u32, -w));
-            rows[j].push((i as u32, -w));
-        }
-        // (L W L)_ij = Σₖ wₖ L_ki L_kj
-        let products = rows.iter().zip(weights).flat_map(|(row, &w)| {
-            let pair = move |(n, a): (usize, &(u32, f64))| {
-                let (i, a) = (a.0, a.1 * w);
-                row[n + 1..].iter().map(move |&(j, b)| (i, j, -a * b))
-            };
-            row.iter().enumerate().flat_map(pair)
-        });
-        Self::summed(self.vertices, products)
+        let rows = Rows::new(self);
+        let entries = rows.count_squared()?;
+        let (mut edges, mut products) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
+        let mut sums = vec![0.0; self.vertices];
+        rows.for_each_squared(|i, others| {
+            rows.add_products(i, weights, &mut sums);
+            edges.extend(others.iter().map(|&j| [i as u32, j]));
+            products.extend(others.iter().map(|&j| std::mem::take(&mut sums[j as usize])));
+            Ok(())
+        })?;
+        Ok(Self { vertices: self.vertices, edges, weights: products })
     }
 
     /// Number of vertices, including isolated ones.
@@ -123,9 +121,83 @@ impl EdgeWeights {
     }
 }
 
+/// The Laplace matrix by rows: the diagonal, and the entries beside it, ascending.
+struct Rows {
+    diagonal: Vec<f64>,
+    beside: Lists<(u32, f64)>,
+}
+
+impl Rows {
+    fn new(weights: &EdgeWeights) -> Self {
+        let mut diagonal = vec![0.0; weights.vertices];
+        for (i, j, w) in weights.iter() {
+            diagonal[i] += w;
+            diagonal[j] += w;
+        }
+        // In the order of the edges each row receives the vertices before it, then those after it.
+        let both = weights.iter().flat_map(|(i, j, w)| [(i as u32, (j as u32, -w)), (j as u32, (i as u32, -w))]);
+        Self { diagonal, beside: Lists::new(weights.vertices, both) }
+    }
+
+    /// The entries of row `k` with itself among them, from vertex `from` on, ascending.
+    fn row(&self, k: u32, from: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
+        let row = self.beside.of(k as usize);
+        let (start, own) = (row.partition_point(|e| e.0 < from), row.partition_point(|e| e.0 < k));
+        let (before, after) = (&row[start.min(own)..own], &row[start.max(own)..]);
+        let itself = (k >= from).then_some((k, self.diagonal[k as usize]));
+        before.iter().copied().chain(itself).chain(after.iter().copied())
+    }
+
+    /// For each vertex `i` those after it that share a neighbor with it or are one, ascending.
+    fn for_each_squared(
+        &self,
+        mut visit: impl FnMut(usize, &[u32]) -> Result<(), SparseError>,
+    ) -> Result<(), SparseError> {
+        let mut seen = vec![u32::MAX; self.diagonal.len()];
+        let mut others = Vec::new();
+        for i in 0..self.diagonal.len() as u32 {
+            others.clear();
+            for (k, _) in self.row(i, 0) {
+                let new = |j: &u32| std::mem::replace(&mut seen[*j as usize], i) != i;
+                others.extend(self.row(k, i + 1).map(|(j, _)| j).filter(new));
+            }
+            others.sort_unstable();
+            visit(i as usize, &others)?;
+        }
+        Ok(())
+    }
+
+    /// Entries of the squared matrix above its diagonal; refused where they are out of proportion.
+    fn count_squared(&self) -> Result<usize, SparseError> {
+        let neighbors = |v: &usize| self.beside.of(*v).len();
+        let n = self.diagonal.len();
+        let Some(vertex) = (0..n).rev().max_by_key(neighbors) else { return Ok(0) };
+        let forming = Forming { unknowns: n, per_vertex: 1, vertex, neighbors: neighbors(&vertex) };
+        forming.check_clique()?;
+        let mut entries = 0;
+        self.for_each_squared(|_, others| {
+            entries += others.len();
+            forming.check_entries(entries)
+        })?;
+        Ok(entries)
+    }
+
+    /// Adds `−Σₖ L_ik w_k L_kj` to the sum of each `j` after `i`.
+    fn add_products(&self, i: usize, weights: &[f64], sums: &mut [f64]) {
+        let i = i as u32;
+        for (k, a) in self.row(i, 0) {
+            let w = weights[k as usize];
+            for (j, b) in self.row(k, i + 1) {
+                // The diagonal entry is weighted first: the product of a pair is the same from either end.
+                sums[j as usize] -= if j == k { b * w * a } else { a * w * b };
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
+    use nalgebra::{DMatrix, DVector, Point3};
 
     use super::super::CotangentRule;
     use super::*;
@@ -158,5 +230,64 @@ mod tests {
         let mesh = TriMesh::new(vec![Point3::origin(); 3], vec![[0, 0, 1], [2, 2, 2]]).unwrap();
         assert_eq!(EdgeWeights::uniform(&mesh).edges(), [[0, 1]]);
         assert_eq!(EdgeWeights::cotangent(3, &Cotangents::new(&mesh, CotangentRule::Raw)).edges(), [[0, 1]]);
+    }
+
+    /// A star of `n` edges around vertex 0, its ends joined in a ring.
+    fn wheel(n: u32) -> EdgeWeights {
+        EdgeWeights::summed(
+            n as usize + 1,
+            (1..=n).flat_map(|k| [(0, k, 0.5), (k, k % n + 1, -0.25 * f64::from(k % 3))]),
+        )
+    }
+
+    #[test]
+    fn the_square_is_the_product_of_the_matrices() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let edges = (0..300).map(|_| (random.u32(0..60), random.u32(0..60), random.f64() - 0.3));
+        for weights in [EdgeWeights::summed(61, edges), wheel(40), wheel(3)] {
+            let n = weights.vertex_count();
+            let masses: Vec<f64> = (0..n).map(|_| random.f64() + 0.1).collect();
+            let full = |weights: &EdgeWeights| {
+                let mut full = DMatrix::<f64>::zeros(n, n);
+                for (i, j, w) in weights.iter() {
+                    full[(i, i)] += w;
+                    full[(j, j)] += w;
+                    full[(i, j)] -= w;
+                    full[(j, i)] -= w;
+                }
+                full
+            };
+            let squared = weights.squared(&masses).expect("a small graph");
+            let expected = full(&weights) * DMatrix::from_diagonal(&DVector::from_vec(masses)) * full(&weights);
+            assert!((full(&squared) - &expected).amax() < 1e-12 * expected.amax());
+            assert!(squared.edges().is_sorted() && squared.edges().iter().all(|[i, j]| i < j));
+        }
+    }
+
+    #[test]
+    fn the_square_of_a_hub_is_refused_before_it_is_formed() {
+        let squared = |weights: &EdgeWeights| weights.squared(&vec![1.0; weights.vertex_count()]);
+        assert_eq!(squared(&wheel(1500)).expect("a hub that can be solved").edges().len(), 1501 * 1500 / 2);
+        let refused = squared(&wheel(20_000)).expect_err("two hundred million entries");
+        assert!(matches!(refused, SparseError::TooDense { unknown: 0, neighbors: 20_000, .. }), "{refused}");
+        // Many hubs of which none is too dense alone.
+        let hubs = (0..40_u32).flat_map(|hub| (40..2040).map(move |v| (hub, v + 2000 * (hub / 4), 1.0)));
+        let refused = squared(&EdgeWeights::summed(25_000, hubs)).expect_err("twenty million entries");
+        assert!(matches!(refused, SparseError::TooDense { unknown: 0, neighbors: 2000, .. }), "{refused}");
+    }
+
+    #[test]
+    fn the_square_of_a_lattice_in_space_is_not_refused() {
+        let side = 25_u32;
+        let at = |x, y, z| (x * side + y) * side + z;
+        let cells = (0..side - 1).flat_map(|x| (0..side - 1).flat_map(move |y| (0..side - 1).map(move |z| [x, y, z])));
+        // Each cell has all edges between its corners: 26 neighbors.
+        let edges = cells.flat_map(|[x, y, z]| {
+            let corner = move |c: u32| at(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2));
+            (0..8).flat_map(move |a| (0..a).map(move |b| (corner(a), corner(b), 1.0)))
+        });
+        let lattice = EdgeWeights::summed(side.pow(3) as usize, edges);
+        let squared = lattice.squared(&vec![1.0; lattice.vertex_count()]).expect("62 entries in a row");
+        assert!(squared.edges().len() > 40 * lattice.vertex_count());
     }
 }

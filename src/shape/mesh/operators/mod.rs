@@ -17,12 +17,14 @@
 //! M. Botsch, L. Kobbelt, M. Pauly, P. Alliez, B. Lévy, *Polygon Mesh Processing*, 2010, chapter 3.
 
 mod cotangents;
+mod density;
 mod edge_weights;
 mod gradient;
 mod intrinsic_delaunay;
 mod mass;
 
 pub use cotangents::{CotangentRule, Cotangents};
+pub(crate) use density::{Forming, max_multiplications};
 pub use edge_weights::EdgeWeights;
 pub use gradient::Gradient;
 pub use mass::barycentric_areas;

@@ -16,20 +16,15 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 
 use crate::mesh::TriMesh;
-use crate::mesh::operators::Cotangents;
+use crate::mesh::operators::{Cotangents, Forming, max_multiplications};
 use plumbline_num::math::Lists;
 use plumbline_num::optim::lanczos::KnownVectors;
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Pattern, SparseError, SparseMatrix};
+use plumbline_num::sparse::{FactorStructure, Ordering, Pattern, SparseError, SparseMatrix};
 use plumbline_num::spatial::numbered_components;
 
 /// Eigenvalues of `C_i` below this fraction of the largest are treated as 0: the rotation of a collinear cell about its line.
 const RANK_TOLERANCE: f64 = 1e-12;
-
-/// Blocks of 3 × 3 values that the cells of any surface may have, 150 bytes each; a hub of 2000 triangles has two million.
-const MIN_BLOCKS: usize = 3_000_000;
-/// Blocks per vertex: regular cells of seven vertices have 28.
-const BLOCKS_PER_VERTEX: usize = 100;
 
 /// `B_i` of one cell, by vertex, with `C_i⁺`.
 struct Cell {
@@ -38,23 +33,32 @@ struct Cell {
     inverse: Matrix3<f64>,
 }
 
-/// `H` over the coordinates `3 v + k` of the vertices, symmetric, positive semidefinite; without unit.
-pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents, run: &Run) -> Result<SparseMatrix, SparseError> {
+/// `H` over the coordinates `3 v + k` of the vertices, symmetric, positive semidefinite; without unit. Refused where its factor in this
+/// order of the vertices would be out of proportion to the surface.
+pub(super) fn hessian(
+    mesh: &TriMesh,
+    cotangents: &Cotangents,
+    order: &Ordering,
+    run: &Run,
+) -> Result<SparseMatrix, SparseError> {
     let cells = cells(mesh, cotangents);
     run.check()?;
-    check_cells(&cells, mesh.vertex_count())?;
-    let mut blocks: Vec<(u32, u32)> = cells.iter().flat_map(|cell| pairs(&cell.vertices)).collect();
+    check_cells(&cells)?;
+    let blocks = Pattern::new(cells.len(), cells.iter().flat_map(|cell| pairs(&cell.vertices)))?;
     run.check()?;
-    blocks.sort_unstable();
-    blocks.dedup();
+    // Of each entry of the factor over vertices there are 3 × 3.
+    let most = max_multiplications(3 * cells.len());
+    let flops = 27.0 * FactorStructure::new(&blocks, order)?.flops();
+    if flops > most {
+        return Err(blocks.too_dense(flops, most));
+    }
     run.check()?;
-    let entries = blocks.iter().flat_map(|&(a, b)| {
-        (0..9).map(move |k| (3 * a as usize + k % 3, 3 * b as usize + k / 3)).filter(|(row, col)| row >= col)
-    });
-    let mut blocks: Vec<(usize, usize)> = entries.collect();
-    blocks.sort_unstable();
+    let entries = blocks
+        .entries()
+        .flat_map(|(a, b, _)| (0..9).map(move |k| (3 * a + k % 3, 3 * b + k / 3)).filter(|(row, col)| row >= col));
+    let mut h = SparseMatrix::zeros(Arc::new(Pattern::new(3 * cells.len(), entries)?));
+    drop(blocks);
     run.check()?;
-    let mut h = SparseMatrix::zeros(Arc::new(Pattern::new(3 * mesh.vertex_count(), blocks)?));
     for (a, b, w) in cotangents.edges().flatten().filter(|(a, b, _)| a != b) {
         let spring = Matrix3::identity() * w;
         add(&mut h, a, a, &spring);
@@ -73,22 +77,21 @@ pub(super) fn hessian(mesh: &TriMesh, cotangents: &Cotangents, run: &Run) -> Res
     Ok(h)
 }
 
-/// Refuses cells whose vertices, each with each other, have more blocks than a surface of this size: by the multiplications of
-/// dense factors of the cells, `(3 k)³ / 3` for `k` vertices.
-fn check_cells(cells: &[Cell], vertices: usize) -> Result<(), SparseError> {
+/// Refuses cells whose vertices, each with each other, have more blocks than a surface.
+fn check_cells(cells: &[Cell]) -> Result<(), SparseError> {
     let size = |cell: &Cell| cell.vertices.len();
-    let blocks: usize = cells.iter().map(|cell| size(cell) * (size(cell) + 1) / 2).sum();
-    if blocks <= MIN_BLOCKS + BLOCKS_PER_VERTEX * vertices {
-        return Ok(());
-    }
-    let most = super::max_multiplications(3 * vertices);
-    let flops: f64 = cells.iter().map(|cell| (3.0 * size(cell) as f64).powi(3) / 3.0).sum();
-    Err(SparseError::TooDense { flops: flops.max(most), most })
+    let Some((vertex, densest)) = cells.iter().enumerate().max_by_key(|(_, cell)| size(cell)) else { return Ok(()) };
+    let neighbors = size(densest).saturating_sub(1);
+    let forming = Forming { unknowns: 3 * cells.len(), per_vertex: 3, vertex, neighbors };
+    forming.check_clique()?;
+    forming.check_entries(cells.iter().map(|cell| 9 * size(cell) * (size(cell) + 1) / 2).sum())
 }
 
 /// Pairs `a ≥ b` of a list.
-fn pairs(vertices: &[u32]) -> impl Iterator<Item = (u32, u32)> + '_ {
-    vertices.iter().flat_map(move |&a| vertices.iter().filter(move |&&b| b <= a).map(move |&b| (a, b)))
+fn pairs(vertices: &[u32]) -> impl Iterator<Item = (usize, usize)> + '_ {
+    vertices
+        .iter()
+        .flat_map(move |&a| vertices.iter().filter(move |&&b| b <= a).map(move |&b| (a as usize, b as usize)))
 }
 
 /// Adds a 3 × 3 block at rows of `a` and columns of `b ≤ a`.

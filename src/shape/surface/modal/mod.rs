@@ -34,17 +34,6 @@ const SHIFT: f64 = 1e-9;
 /// Minimum vertex area over the mean: that of vertices of degenerate triangles would be 0.
 const MIN_MASS: f64 = 1e-6;
 
-/// Multiplications of a factorization that any surface may take: some ten seconds.
-const MIN_MULTIPLICATIONS: f64 = 1e11;
-/// Multiplications per `n^1.5` for `n` unknowns, the growth of nested dissection on surfaces: they take about 150. Two hundred sheets on
-/// one edge take a hundred times as many, and gigabytes.
-const MULTIPLICATIONS_PER_GROWTH: f64 = 2000.0;
-
-/// Largest number of multiplications of a factorization of `n` unknowns.
-fn max_multiplications(n: usize) -> f64 {
-    MIN_MULTIPLICATIONS + MULTIPLICATIONS_PER_GROWTH * (n as f64).powf(1.5)
-}
-
 /// Options of the modal analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -81,7 +70,7 @@ pub struct Modes {
 /// The `count` lowest modes of a surface without rigid motions; fewer if there are no more.
 ///
 /// # Errors
-/// [`SurfaceError::Option`] for a tolerance out of range, [`SurfaceError::Solve`] where the surface is too large to be
+/// [`SurfaceError::Option`] for a tolerance out of range, [`SurfaceError::IllConditioned`] where triangles are too thin, [`SurfaceError::Solve`] where the surface is too large to be
 /// factored or so many triangles meet at vertices that the work would be out of proportion to its size, [`SurfaceError::Interrupted`].
 pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) -> Result<Modes, SurfaceError> {
     let tolerance = options.tolerance;
@@ -92,7 +81,10 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) ->
         return Ok(Modes { values: vec![], vectors: vec![], residuals: vec![], rigid: 0, converged: true });
     }
     run.check()?;
-    let h = hessian::hessian(&used, &Cotangents::new(&used, options.cotangents), run)?;
+    let positions = used.positions().iter().map(|p| p.coords.into()).collect();
+    let order = Ordering::NestedDissection(positions);
+    let h = hessian::hessian(&used, &Cotangents::new(&used, options.cotangents), &order, run)
+        .map_err(|error| SurfaceError::of_factor(error, 1, |vertex| vertices[vertex] as usize))?;
     let mass = masses(&used);
     let diagonal = |i: usize| h.values()[h.pattern().column(i).start];
     let mean = (0..h.n()).map(diagonal).sum::<f64>() / mass.iter().sum::<f64>();
@@ -104,9 +96,10 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) ->
     }
     let coordinates = used.positions().iter().flat_map(|p| [p.coords.into(); 3]).collect();
     run.check()?;
-    let mut factor =
-        Cholesky::analyze_within(h.pattern(), &Ordering::NestedDissection(coordinates), max_multiplications(h.n()))?;
-    factor.factor(&shifted, run)?;
+    let mut factor = Cholesky::analyze(h.pattern(), &Ordering::NestedDissection(coordinates))?;
+    factor
+        .factor(&shifted, run)
+        .map_err(|error| SurfaceError::of_factor(error, 3, |vertex| vertices[vertex] as usize))?;
     let known = hessian::rigid_motions(&used);
     let mut pencil = ShiftedPencil { matrix: &h, mass: &mass, shift, factor: &mut factor, known: &known };
     let found = pencil.lowest(count, &LanczosOptions { tolerance, ..LanczosOptions::default() }, run)?;

@@ -2,6 +2,7 @@ use nalgebra::{DMatrix, Point3, Rotation3, SymmetricEigen};
 
 use super::*;
 use plumbline_num::run::Run;
+use plumbline_num::sparse::SparseMatrix;
 
 /// A closed bar of `n` cells along x, half as long each as it is wide, its rings scaled by `width(x)`.
 fn bar(n: usize, width: impl Fn(f64) -> f64) -> TriMesh {
@@ -62,11 +63,15 @@ fn random(n: usize, seed: u64) -> Vec<Vector3<f64>> {
     (0..n).map(|_| Vector3::from_fn(|_, _| random.f64() - 0.5)).collect()
 }
 
+fn form(mesh: &TriMesh) -> SparseMatrix {
+    let cotangents = Cotangents::new(mesh, CotangentRule::Raw);
+    hessian::hessian(mesh, &cotangents, &Ordering::Amd, &Run::default()).expect("a sound case")
+}
+
 #[test]
 fn the_form_is_the_energy_of_the_best_rotations_and_rigid_motions_have_none() {
     let mesh = bar(5, |x| 1.0 + 0.2 * x.sin());
-    let h =
-        hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw), &Run::default()).expect("a sound case");
+    let h = form(&mesh);
     let d = random(mesh.vertex_count(), 1);
     let expected = energy(&mesh, &d);
     assert!((product(&h, &d) - expected).abs() < 1e-12 * expected, "{} against {expected}", product(&h, &d));
@@ -84,8 +89,7 @@ fn the_form_is_the_energy_of_the_best_rotations_and_rigid_motions_have_none() {
 fn near_rest_the_nonlinear_energy_is_the_form() {
     use crate::surface::{DeformOptions, Deformer, HandlePose, Handles, InitialGuess, Method};
     let mesh = bar(5, |x| 1.0 + 0.2 * x.sin());
-    let h =
-        hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw), &Run::default()).expect("a sound case");
+    let h = form(&mesh);
     let handles = Handles::exact([0, 1, 2]).expect("a sound case");
     let options = DeformOptions::default();
     let mut arap = Deformer::new(Method::Arap, &mesh, &handles, &options, &Run::default()).expect("a sound case");
@@ -104,8 +108,7 @@ fn modes_are_the_lowest_of_the_dense_problem_after_six_zeros() {
     let mesh = bar(12, |x| 1.0 + 0.3 * (1.3 * x).sin());
     let found = modes(&mesh, 10, &ModesOptions::default(), &Run::default()).expect("a sound case");
     assert!(found.converged && found.rigid == 6, "{:?}", found.residuals);
-    let h =
-        hessian::hessian(&mesh, &Cotangents::new(&mesh, CotangentRule::Raw), &Run::default()).expect("a sound case");
+    let h = form(&mesh);
     let (mass, n) = (masses(&mesh), h.n());
     let mut full = DMatrix::zeros(n, n);
     for (i, j, s) in h.pattern().entries() {

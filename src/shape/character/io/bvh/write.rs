@@ -45,7 +45,9 @@ pub fn bvh_text(skeleton: &Skeleton, clip: Option<&Clip>) -> Result<(String, Vec
     let mut text = String::from("HIERARCHY\n");
     file.joint(&mut text, root, 0);
     let _ = writeln!(text, "MOTION\nFrames: {}\nFrame Time: {}", frames.count, frames.step);
-    poses.iter().for_each(|pose| file.frame(&mut text, pose));
+    for pose in &poses {
+        file.frame(&mut text, pose);
+    }
     if !poses.iter().chain([&skeleton.rest_pose()]).all(|pose| file.is_finite(pose)) {
         return Err(unwritable("its positions are beyond double precision; scale it to a size near 1".to_owned()));
     }
