@@ -219,8 +219,9 @@ test("the keyboard alone marks a line, moves its end, sets orientation, lens and
   await page.keyboard.press("Control+s");
   await page.locator(".saved-state").getByText("Saved", { exact: true }).waitFor();
   const saved = JSON.parse(readFileSync(join(folder, "room-kb-125.lines.json"), "utf8"));
-  assert.equal(saved.lines[0].orientation, "horizontal");
-  assert.equal(saved.lines[0].points.length, 4);
+  const drawn = saved.lines.find((line) => line.name === "line 1");
+  assert.equal(drawn.orientation, "horizontal");
+  assert.equal(drawn.points.length, 4);
 });
 
 test("a reload and a killed program lose no mark, and two windows show one document", { media: [ROOM], open: ROOM, timeout: 120_000 }, async ({ page, server, newPage }) => {
