@@ -7,7 +7,7 @@ mod bodies;
 use std::io::Cursor;
 
 use crate::support::clips::{make, workshop};
-use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
+use plumbline::image::still::{Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline::num::run::Run;
 use plumbline::num::time::{Timebase, Timestamp};
 use plumbline::shape::character::SkinWeights;
@@ -186,7 +186,7 @@ fn no_picture_makes_the_reader_panic() {
     let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| (i * 7 % 251) as u8).collect();
     let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
     let exif = Some(b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0".to_vec());
-    let photo = Photo { frame, exif, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let photo = Photo { exif, ..Photo::new(frame) };
     let file = |format| {
         let mut out = Cursor::new(Vec::new());
         encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");
@@ -468,7 +468,7 @@ fn no_colmap_model_makes_the_reader_panic() {
 fn no_mask_makes_the_reader_panic() {
     let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| if i % 72 < 36 { 255 } else { 0 }).collect();
     let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
-    let photo = Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let photo = Photo::new(frame);
     let file = |format| {
         let mut out = Cursor::new(Vec::new());
         encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");

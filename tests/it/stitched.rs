@@ -3,9 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use plumbline::image::still::{
-    ExifTags, LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame,
-};
+use plumbline::image::still::{LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame};
 use plumbline::photo::rectangle::Outline;
 
 use crate::support::program::{err, out, plumbline_in};
@@ -29,7 +27,7 @@ fn cut_room(folder: &Path, name: &str) {
     }
     let samples: Vec<u8> = pixels.into_iter().flatten().collect();
     let frame = frame_of_rgb(&samples, w as usize, h as usize).expect("as many as it takes");
-    let cut = Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let cut = Photo::new(frame);
     let mut file = fs::File::create(folder.join(name)).expect("a file");
     let format = StillFormat::of_name(Path::new(name)).expect("a known name");
     encode(&cut, format, SaveOptions::default(), &mut file).expect("written");

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use nalgebra::{Matrix2, Matrix2x3};
 
 use super::photo::transparency::{eroded, mask_of, opacity, plane_of, with_alpha};
-use super::photo::with_pixels;
 use super::prelude::*;
 use super::values::PhotoMap;
 use super::video_render;
@@ -64,10 +63,12 @@ impl Stage for ImageRenderSettings {
 
     fn run(&self, (photo, maps): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let frame = rendered(&photo.frame, maps.into_iter().next(), self, &context.job.run());
-        Ok((match frame.map_err(|e| render_error(context, &e))? {
-            Some(frame) => Arc::new(with_pixels(&photo, frame)),
-            None => photo,
-        },))
+        let Some(frame) = frame.map_err(|e| render_error(context, &e))? else { return Ok((photo,)) };
+        let made = photo.with_frame(frame);
+        for warning in &made.warnings {
+            context.warn(warning.clone());
+        }
+        Ok((Arc::new(made),))
     }
 }
 

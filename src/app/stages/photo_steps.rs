@@ -49,7 +49,7 @@ pub fn rendered(photo: &Photo, warp: PhotoWarp, settings: &ImageRenderSettings, 
     let map = Arc::new(PhotoMap { warp, report: Map::new() });
     let frame = image_render::rendered(&photo.frame, Some(map), settings, run).map_err(render_error)?;
     let same = || RunError::Internal("a picture with a map was not rendered".to_owned());
-    Ok(photo::with_pixels(photo, frame.ok_or_else(same)?))
+    Ok(photo.with_frame(frame.ok_or_else(same)?))
 }
 
 /// A part of what `image.render` makes, at any scale: `lattice` says where its pixels come from.

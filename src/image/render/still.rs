@@ -39,9 +39,9 @@ impl Photo {
     pub fn rendered(&self, src_from_out: &WarpField, size: (usize, usize), run: &Run) -> Result<Self, RenderError> {
         let lattice = Lattice::between(src_from_out, size, (self.frame.width, self.frame.height));
         let frame = Renderer::new(RenderOptions::default()).render_still(&self.frame, &lattice, run)?;
-        let Self { exif, tags, icc, format, warnings, .. } = self;
-        let (exif, tags, icc, warnings) = (exif.clone(), tags.clone(), icc.clone(), warnings.clone());
-        Ok(Self { frame, exif, tags, icc, format: *format, warnings })
+        let mut made = self.with_frame(frame);
+        made.warnings.splice(..0, self.warnings.iter().cloned());
+        Ok(made)
     }
 }
 

@@ -109,6 +109,11 @@ pub(super) struct Entry {
 }
 
 impl Entry {
+    /// Type of its values.
+    pub(super) fn kind(&self, order: Order) -> u16 {
+        order.u16([self.bytes[2], self.bytes[3]])
+    }
+
     /// How many values it has.
     pub(super) fn count(&self, order: Order) -> u32 {
         let [.., a, b, c, d, _, _, _, _] = self.bytes;

@@ -1,9 +1,9 @@
 //! Still pictures as files: JPEG, PNG, TIFF and WebP, read into a planar [`Frame`] and written from one.
 //!
-//! Samples keep their depth (8 or 16 bit) and alpha; ICC profile and EXIF travel along as bytes. A picture is upright once
+//! Samples keep their depth (8 or 16 bit) and alpha; ICC profile, EXIF, XMP and IPTC travel along as bytes. A picture is upright once
 //! it is read: the orientation that EXIF asks for is applied to the pixels and the tag set to 1, so that neither a viewer nor
 //! a second program turns it again. What EXIF says of the picture's size is corrected when it is written, its thumbnail
-//! unlinked, and nothing else touched (`exif.rs`).
+//! unlinked, and nothing else touched (`exif.rs`); XMP is corrected likewise (`xmp/`).
 //!
 //! Sizes are checked before memory is taken for pixels, whatever the file claims.
 //!
@@ -17,20 +17,24 @@
 //! Other formats are recognized by their first bytes and refused with a remedy; HEIF pictures (HEIC, AVIF) are left to
 //! the layer that knows a decoder for them ([`StillError::Heif`]).
 
+mod container;
 mod error;
 mod exif;
 mod facts;
+mod iptc;
 mod jpeg;
 mod load;
 mod orientation;
 mod packed;
 mod photo;
+mod png;
 mod reduce;
 mod save;
 mod sniff;
 #[cfg(test)]
 mod tests;
 mod tiff;
+mod xmp;
 
 pub use error::StillError;
 pub use exif::exif_of_container;
@@ -41,6 +45,7 @@ pub use packed::{frame_of_rgb, oriented, rgb_of_frame};
 pub use reduce::flattened;
 pub use save::{SaveOptions, Saved, encode};
 pub use sniff::{RAW_EXTENSIONS, StillFormat};
+pub use xmp::Xmp;
 
 use super::Frame;
 
@@ -55,6 +60,10 @@ pub struct Photo {
     pub tags: ExifTags,
     /// ICC profile of the samples.
     pub icc: Option<Vec<u8>>,
+    /// XMP; what it says of orientation and size is true of the frame.
+    pub xmp: Option<Xmp>,
+    /// IPTC, as bytes of the Information Interchange Model.
+    pub iptc: Option<Vec<u8>>,
     /// The file's format; `None` where another layer decoded it.
     pub format: Option<StillFormat>,
     /// What the user should know of how it was read.

@@ -4,8 +4,11 @@ use std::io::Cursor;
 
 use super::exif::{Order, orientation, tests::sample as exif_block};
 use super::packed::{Sample, planes_of, unpack};
+use super::png::crc32;
 use super::*;
 use crate::{Layout, PixelFormat};
+
+mod metadata;
 
 const FORMATS: [StillFormat; 4] = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
 
@@ -25,14 +28,7 @@ fn photo(layout: Layout, bits: u8, alpha: bool, (w, h): (usize, usize)) -> Photo
     } else {
         unpack(&values.iter().map(|v| *v as u8).collect::<Vec<u8>>(), (w, h), format, ExifOrientation::default())
     };
-    Photo {
-        frame: frame.expect("as many as it takes"),
-        exif: None,
-        tags: ExifTags::default(),
-        icc: None,
-        format: None,
-        warnings: Vec::new(),
-    }
+    Photo::new(frame.expect("as many as it takes"))
 }
 
 /// A profile as far as anybody looks here: its length and color space.
@@ -266,11 +262,6 @@ fn kinds_that_are_not_read_are_named_with_what_to_do() {
     chunk.extend(crc32(&chunk[4..]).to_be_bytes());
     let apng = [&png[..33], &chunk, &png[33..]].concat();
     assert!(message(&apng).contains("animated PNG"), "{}", message(&apng));
-}
-
-fn crc32(bytes: &[u8]) -> u32 {
-    let step = |c: u32, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
-    !bytes.iter().fold(!0_u32, |c, b| (0..8).fold(c ^ u32::from(*b), step))
 }
 
 #[test]
