@@ -8,6 +8,7 @@ use image::codecs::tiff::TiffDecoder;
 use image::codecs::webp::WebPDecoder;
 use image::{ColorType, ExtendedColorType, ImageDecoder, Limits};
 
+use super::floats::Floats;
 use super::{LoadOptions, StillError, StillFormat, Xmp, iptc, jpeg, tiff};
 use crate::{Layout, PixelFormat};
 
@@ -24,6 +25,8 @@ pub(super) struct Container<'r> {
     pub(super) icc: Option<Vec<u8>>,
     pub(super) xmp: Option<Xmp>,
     pub(super) iptc: Option<Vec<u8>>,
+    /// A gain map behind the picture, or why it cannot be read.
+    pub(super) gain_map: Result<Option<jpeg::EncodedMap>, &'static str>,
     /// Orientation, where the container has it outside of EXIF.
     pub(super) orientation: Option<u32>,
 }
@@ -32,13 +35,22 @@ pub(super) struct Container<'r> {
 pub(super) enum Pixels<'r> {
     /// A decoder of samples as they are written into planes.
     Decoder(Box<dyn ImageDecoder + 'r>),
+    /// A JPEG file of inks, and its profile.
+    Inks { file: Vec<u8>, profile: Option<Vec<u8>> },
+    /// A TIFF file of floating-point samples.
+    Floats(Floats<'r>),
 }
 
 impl Pixels<'_> {
-    /// Decodes packed samples.
-    pub(super) fn read(self, packed: &mut [u8]) -> Result<(), StillError> {
+    /// Decodes packed samples of the container's format, and warns of what is not in them.
+    pub(super) fn read(self, packed: &mut [u8], warnings: &mut Vec<String>) -> Result<(), StillError> {
         match self {
             Self::Decoder(decoder) => decoder.read_image_boxed(packed).map_err(StillError::of_decoder),
+            Self::Inks { file, profile } => jpeg::read_rgb(&file, profile.as_deref(), packed, warnings),
+            Self::Floats(floats) => {
+                let packed = bytemuck::try_cast_slice_mut(packed).map_err(|_| StillError::Layout)?;
+                floats.read(packed, warnings)
+            }
         }
     }
 }
@@ -75,19 +87,33 @@ pub(super) fn open<'r>(
 fn open_jpeg<'r>(mut reader: impl BufRead + Seek, options: LoadOptions) -> Result<Container<'r>, StillError> {
     let mut bytes = Vec::new();
     reader.by_ref().take(options.most_bytes()).read_to_end(&mut bytes).map_err(StillError::Read)?;
-    let (width, height) = jpeg::check(&bytes)?;
-    options.check(u64::from(width), u64::from(height))?;
+    let jpeg::Head { size, inks } = jpeg::check(&bytes)?;
+    options.check(size.0 as u64, size.1 as u64)?;
     let jpeg::Found { xmp, iptc } = jpeg::found(&bytes);
-    let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(StillError::of_decoder)?;
-    Ok(Container { xmp, iptc, ..of_decoder(Box::new(decoder), options)? })
+    let gain_map = jpeg::gain_map(&bytes);
+    if !inks {
+        let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(StillError::of_decoder)?;
+        return Ok(Container { xmp, iptc, gain_map, ..of_decoder(Box::new(decoder), options)? });
+    }
+    let (exif, profile) = jpeg::exif_and_profile(&bytes);
+    let format = PixelFormat { layout: Layout::Gbr, bits: 8, alpha: false };
+    let pixels = Pixels::Inks { file: bytes, profile };
+    Ok(Container { pixels, size, format, exif, icc: None, xmp, iptc, gain_map, orientation: None })
 }
 
 fn open_tiff<'r>(mut reader: impl BufRead + Seek + 'r, options: LoadOptions) -> Result<Container<'r>, StillError> {
     let found = tiff::metadata(&mut reader, options.most_bytes())?;
     reader.seek(SeekFrom::Start(0)).map_err(StillError::Read)?;
+    if found.floats {
+        let tiff::TiffMetadata { exif, icc, xmp, iptc, .. } = found;
+        let floats = Floats::open(reader, options)?;
+        let (size, format) = (floats.size, floats.format);
+        let pixels = Pixels::Floats(floats);
+        return Ok(Container { pixels, size, format, exif, icc, xmp, iptc, gain_map: Ok(None), orientation: None });
+    }
     let mut decoder = TiffDecoder::new(reader).map_err(StillError::of_decoder)?;
     let orientation = decoder.orientation().ok().map(|o| u32::from(o.to_exif()));
-    let tiff::TiffMetadata { exif, icc, xmp, iptc } = found;
+    let tiff::TiffMetadata { exif, icc, xmp, iptc, floats: _ } = found;
     Ok(Container { exif, icc, xmp, iptc, orientation, ..of_decoder(Box::new(decoder), options)? })
 }
 
@@ -107,6 +133,7 @@ fn of_decoder<'r>(mut decoder: Box<dyn ImageDecoder + 'r>, options: LoadOptions)
         icc: decoder.icc_profile().ok().flatten(),
         xmp: packet.map(|packet| Xmp { packet, extended: None }),
         iptc: decoder.iptc_metadata().ok().flatten(),
+        gain_map: Ok(None),
         orientation: None,
         pixels: Pixels::Decoder(decoder),
     })
@@ -134,7 +161,7 @@ fn check_riff(reader: &mut (impl BufRead + Seek)) -> Result<(), StillError> {
 }
 
 /// The planes of a decoded picture.
-fn pixel_format(decoder: &dyn ImageDecoder) -> Result<PixelFormat, StillError> {
+pub(super) fn pixel_format(decoder: &dyn ImageDecoder) -> Result<PixelFormat, StillError> {
     if matches!(decoder.original_color_type(), ExtendedColorType::Cmyk8 | ExtendedColorType::Cmyk16) {
         return Err(StillError::Cmyk);
     }
@@ -148,7 +175,6 @@ fn pixel_format(decoder: &dyn ImageDecoder) -> Result<PixelFormat, StillError> {
         ColorType::Rgba8 => format(Layout::Gbr, 8, true),
         ColorType::Rgb16 => format(Layout::Gbr, 16, false),
         ColorType::Rgba16 => format(Layout::Gbr, 16, true),
-        ColorType::Rgb32F | ColorType::Rgba32F => Err(StillError::Depth("samples of 32-bit floats".to_owned())),
         other => Err(StillError::Depth(format!("samples of kind {other:?}"))),
     }
 }

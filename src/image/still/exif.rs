@@ -120,6 +120,15 @@ impl Entry {
         order.u32([a, b, c, d])
     }
 
+    /// The first of its short numbers, which are in the block where there are more than two.
+    pub(super) fn first_short(&self, block: &[u8], order: Order) -> Option<u16> {
+        match self.count(order) {
+            _ if self.kind(order) != SHORT => None,
+            1 | 2 => Some(order.u16([self.bytes[8], self.bytes[9]])),
+            _ => order.u16_at(block, self.value(order) as usize),
+        }
+    }
+
     /// Its value read as a long: a number, or where the values are.
     pub(super) fn value(&self, order: Order) -> u32 {
         let [.., a, b, c, d] = self.bytes;

@@ -6,9 +6,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use super::container::{self, Container, Pixels, SPARE};
+use super::jpeg::EncodedMap;
 use super::packed::unpack;
 use super::sniff::{HEAD, refuse_raw_name, sniff};
-use super::{ExifOrientation, ExifTags, Photo, StillError, exif};
+use super::{ExifOrientation, ExifTags, GainMap, Photo, StillError, exif};
 use crate::{Frame, PixelFormat};
 use plumbline_num::files::open_regular;
 
@@ -89,6 +90,7 @@ struct Opened<'r> {
     /// Everything but the pixels, whose frame is one pixel large.
     photo: Photo,
     layout: PixelFormat,
+    gain_map: Option<EncodedMap>,
 }
 
 impl<'r> Opened<'r> {
@@ -103,7 +105,7 @@ impl<'r> Opened<'r> {
         }
         reader.rewind().map_err(StillError::Read)?;
         let format = sniff(&head[..filled])?;
-        let Container { pixels, size, format: layout, mut exif, icc, xmp, iptc, orientation } =
+        let Container { pixels, size, format: layout, mut exif, icc, xmp, iptc, gain_map, orientation } =
             container::open(reader, format, options)?;
         if let Some(b) = exif.as_mut().filter(|b| b.starts_with(b"Exif\0\0")) {
             b.drain(..6);
@@ -120,22 +122,32 @@ impl<'r> Opened<'r> {
         photo.xmp = xmp.and_then(|xmp| xmp.read((width, height), &mut photo.warnings));
         photo.icc = icc.filter(|p| !p.is_empty());
         (photo.exif, photo.iptc, photo.format) = (exif, iptc, Some(format));
-        Ok(Self { pixels, size, orientation, photo, layout })
+        let gain_map = gain_map.unwrap_or_else(|lost| {
+            photo.warnings.push(lost.to_owned());
+            None
+        });
+        Ok(Self { pixels, size, orientation, photo, layout, gain_map })
     }
 
     /// Decodes the pixels.
     fn photo(self) -> Result<Photo, StillError> {
-        let Self { pixels, size, orientation, photo, layout } = self;
+        let Self { pixels, size, orientation, mut photo, layout, gain_map } = self;
         let samples = size.0 * size.1 * super::packed::planes_of(layout).len();
         let frame = if layout.bits == 8 {
             let mut packed = vec![0_u8; samples];
-            pixels.read(&mut packed)?;
+            pixels.read(&mut packed, &mut photo.warnings)?;
             unpack(&packed, size, layout, orientation)
         } else {
             let mut packed = vec![0_u16; samples];
-            pixels.read(bytemuck::cast_slice_mut(&mut packed))?;
+            pixels.read(bytemuck::cast_slice_mut(&mut packed), &mut photo.warnings)?;
             unpack(&packed, size, layout, orientation)
         };
+        if let Some(map) = gain_map {
+            match GainMap::decoded(map, orientation, size.0 * size.1) {
+                Ok(map) => photo.gain_map = Some(map),
+                Err(e) => photo.warnings.push(format!("its HDR gain map was left out: {e}")),
+            }
+        }
         Ok(Photo { frame: frame.ok_or(StillError::Layout)?, ..photo })
     }
 }

@@ -9,9 +9,9 @@
 //!
 //! | format | read | written |
 //! | --- | --- | --- |
-//! | JPEG | 8 bit, gray and color, baseline and progressive | baseline, in bands on all threads (`jpeg.rs`); 8 bit |
+//! | JPEG | 8 bit, gray, color, and CMYK by its profile (`jpeg/inks.rs`), baseline and progressive | baseline, in bands on all threads (`jpeg/`); 8 bit |
 //! | PNG | all but animated | 8 and 16 bit, alpha |
-//! | TIFF | 8 and 16 bit, gray and RGB | uncompressed, 8 and 16 bit, alpha (`tiff.rs`) |
+//! | TIFF | 8 and 16 bit, gray and RGB; floating point as 16 bit (`floats.rs`) | uncompressed, 8 and 16 bit, alpha (`tiff.rs`) |
 //! | WebP | lossy and lossless, not animated | lossless; 8 bit |
 //!
 //! Other formats are recognized by their first bytes and refused with a remedy; HEIF pictures (HEIC, AVIF) are left to
@@ -21,6 +21,8 @@ mod container;
 mod error;
 mod exif;
 mod facts;
+mod floats;
+mod gain_map;
 mod iptc;
 mod jpeg;
 mod load;
@@ -39,6 +41,7 @@ mod xmp;
 pub use error::StillError;
 pub use exif::exif_of_container;
 pub use facts::ExifTags;
+pub use gain_map::GainMap;
 pub use load::{LoadOptions, decode, load, size};
 pub use orientation::ExifOrientation;
 pub use packed::{frame_of_rgb, oriented, rgb_of_frame};
@@ -64,6 +67,8 @@ pub struct Photo {
     pub xmp: Option<Xmp>,
     /// IPTC, as bytes of the Information Interchange Model.
     pub iptc: Option<Vec<u8>>,
+    /// Gain map of an Ultra HDR picture.
+    pub gain_map: Option<GainMap>,
     /// The file's format; `None` where another layer decoded it.
     pub format: Option<StillFormat>,
     /// What the user should know of how it was read.

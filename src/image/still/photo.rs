@@ -25,13 +25,15 @@ impl Photo {
             icc: None,
             xmp: None,
             iptc: None,
+            gain_map: None,
             format: None,
             warnings: Vec::new(),
         }
     }
 
     /// Other pixels, which were moved or resized, with what the file said of this picture. What is true of the old ones alone, such
-    /// as the geometry of a panorama, is left out; the warnings are of what was lost that way.
+    /// as the geometry of a panorama, is left out; the warnings are of what was lost that way. So is the gain map, which
+    /// [`GainMap::rendered`] carries along.
     ///
     /// ```
     /// use plumbline_image::still::{Photo, frame_of_rgb};
@@ -53,6 +55,7 @@ impl Photo {
             icc: self.icc.clone(),
             xmp,
             iptc: self.iptc.clone(),
+            gain_map: None,
             format: self.format,
             warnings: lost.into_iter().map(warning).collect(),
             frame,

@@ -7,16 +7,16 @@ const HEADER: usize = 33;
 
 /// A chunk of text in UTF-8 (`iTXt`), uncompressed, as XMP must be.
 pub(super) fn international_text(keyword: &str, text: &[u8]) -> Vec<u8> {
-    chunk(b"iTXt", &[keyword.as_bytes(), &[0, 0, 0, 0, 0], text].concat())
+    chunk(*b"iTXt", &[keyword.as_bytes(), &[0, 0, 0, 0, 0], text].concat())
 }
 
 /// A chunk of text in Latin-1 (`tEXt`).
 pub(super) fn text(keyword: &str, text: &[u8]) -> Vec<u8> {
-    chunk(b"tEXt", &[keyword.as_bytes(), &[0], text].concat())
+    chunk(*b"tEXt", &[keyword.as_bytes(), &[0], text].concat())
 }
 
-fn chunk(kind: &[u8; 4], content: &[u8]) -> Vec<u8> {
-    let mut out = [&(content.len() as u32).to_be_bytes()[..], kind, content].concat();
+fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
+    let mut out = [&(content.len() as u32).to_be_bytes()[..], &kind, content].concat();
     out.extend(crc32(&out[4..]).to_be_bytes());
     out
 }

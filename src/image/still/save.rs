@@ -7,7 +7,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use image_webp::{ColorType, EncodingError, WebPEncoder};
 
 use super::packed::{is_still, pack};
-use super::{Photo, StillError, StillFormat, Xmp, exif, iptc, jpeg, png, reduce, tiff};
+use super::{GainMap, Photo, StillError, StillFormat, Xmp, exif, iptc, jpeg, png, reduce, tiff};
 use crate::{Frame, Layout};
 
 /// How pictures are written.
@@ -54,11 +54,14 @@ pub fn encode(
     }
     let mut saved = Saved::default();
     let metadata = Metadata::of(photo, format, &mut saved);
+    if photo.gain_map.is_some() && format != StillFormat::Jpeg {
+        saved.warnings.push(format!("{} has no HDR gain map; it was left out, and JPEG keeps it", format.name()));
+    }
     match format {
         StillFormat::Jpeg => {
             let reduced = reduced(&photo.frame, format, false, &mut saved)?;
-            let written = jpeg::Written::of(&metadata);
-            jpeg::encode(reduced.as_ref().unwrap_or(&photo.frame), options.quality, &written, out)?;
+            let frame = reduced.as_ref().unwrap_or(&photo.frame);
+            write_jpeg((frame, photo.gain_map.as_ref()), metadata, options.quality, out, &mut saved)?;
         }
         StillFormat::Tiff => tiff::encode(&photo.frame, &metadata, out)?,
         StillFormat::Png => write_png(&photo.frame, metadata, out)?,
@@ -149,6 +152,29 @@ pub(super) fn check_side(frame: &Frame, format: StillFormat, most: usize) -> Res
     let (width, height) = (frame.width, frame.height);
     let side = StillError::Side { width, height, format: format.name(), most };
     if width.max(height) > most { Err(side) } else { Ok(()) }
+}
+
+/// Writes a picture, and its gain map behind it.
+fn write_jpeg(
+    (frame, gain_map): (&Frame, Option<&GainMap>),
+    mut metadata: Metadata,
+    quality: u8,
+    mut out: impl Write,
+    saved: &mut Saved,
+) -> Result<(), StillError> {
+    let Some(map) = gain_map else { return jpeg::encode(frame, quality, &jpeg::Written::of(&metadata), out) };
+    let second = map.encoded(quality)?;
+    let Some(packet) = GainMap::announced(metadata.xmp.as_ref(), second.len()) else {
+        saved.warnings.push("XMP leaves no room to announce the HDR gain map, which was left out".to_owned());
+        return jpeg::encode(frame, quality, &jpeg::Written::of(&metadata), out);
+    };
+    metadata.xmp = Some(Xmp { packet, extended: metadata.xmp.and_then(|xmp| xmp.extended) });
+    // Of the binary form the picture has the version alone.
+    let iso = map.iso.as_ref().map(|_| &[0; 4][..]);
+    let mut first = Vec::new();
+    jpeg::encode(frame, quality, &jpeg::Written { iso, ..jpeg::Written::of(&metadata) }, &mut first)?;
+    let joined = jpeg::joined(&first, &second).ok_or_else(|| StillError::Encode("a picture of 4 GiB".to_owned()))?;
+    out.write_all(&joined).map_err(StillError::Write)
 }
 
 fn write_png(frame: &Frame, metadata: Metadata, out: impl Write) -> Result<(), StillError> {

@@ -25,6 +25,9 @@ use crate::{Frame, Layout};
 const STRIP: usize = 1 << 20;
 /// Type of opaque bytes.
 const UNDEFINED: u16 = 7;
+const SAMPLE_FORMAT: u16 = 339;
+/// Value of the former.
+const FLOATING_POINT: u16 = 3;
 const BYTE: u16 = 1;
 const XMP: u16 = 700;
 const IPTC: u16 = 33_723;
@@ -50,6 +53,8 @@ pub(super) struct TiffMetadata {
     pub(super) xmp: Option<Xmp>,
     /// IPTC.
     pub(super) iptc: Option<Vec<u8>>,
+    /// Its samples are floating-point numbers.
+    pub(super) floats: bool,
 }
 
 /// What a TIFF file says beside its pixels, as far as it can be read.
@@ -78,7 +83,9 @@ pub(super) fn metadata(reader: &mut (impl BufRead + Seek), most: u64) -> Result<
     let icc = content(ICC_PROFILE).map(<[u8]>::to_vec);
     let xmp = content(XMP).map(|packet| Xmp { packet: packet.to_vec(), extended: None });
     let iptc = content(IPTC).and_then(iim);
-    Ok(TiffMetadata { icc, xmp, iptc, exif: exif_of(bytes, order) })
+    let kinds = has(SAMPLE_FORMAT).and_then(|e| e.first_short(&bytes, order));
+    let floats = kinds == Some(FLOATING_POINT);
+    Ok(TiffMetadata { icc, xmp, iptc, floats, exif: exif_of(bytes, order) })
 }
 
 /// IPTC of its tag. Writers that call it a list of longs may have swapped the bytes of each.
@@ -123,7 +130,7 @@ pub(super) fn encode(
 ) -> Result<(), StillError> {
     let kept = exif.as_ref().and_then(|b| first_directory(b).map(|(order, entries)| (b, order, entries)));
     let (base, order, entries) = match kept {
-        Some((bytes, order, entries)) => (bytes.to_vec(), order, entries),
+        Some((bytes, order, entries)) => (bytes.clone(), order, entries),
         None => (b"II*\0\0\0\0\0".to_vec(), Order::Little, Vec::new()),
     };
     let bytes = (frame.width * frame.height * order_of(frame).len()) as u64 * frame.format.bytes_per_sample() as u64;

@@ -4,6 +4,8 @@
 //! blocks, each coded as if it were a picture of its own with the same tables, therefore join to one picture by restart
 //! markers between them and one interval in the header (ITU-T T.81, E.1.4 and F.1.1.5.1).
 
+mod inks;
+mod multi_picture;
 mod segments;
 
 use std::io::Write;
@@ -11,8 +13,10 @@ use std::io::Write;
 use jpeg_encoder::{ChromaSubsamplingMethod, Encoder, EncodingError, ImageBuffer, JpegColorType, SamplingFactor};
 use rayon::prelude::*;
 
+pub(super) use inks::read_rgb;
+pub(super) use multi_picture::{EncodedMap, gain_map, joined};
 use segments::segment;
-pub(super) use segments::{Found, MAX_EXIF, MAX_IPTC, MAX_XMP, Written, found};
+pub(super) use segments::{Found, MAX_EXIF, MAX_IPTC, MAX_XMP, Written, exif_and_profile, found};
 
 use super::save::check_side;
 use super::{StillError, StillFormat};
@@ -30,13 +34,22 @@ fn is_frame(code: u8) -> bool {
     matches!(code, 0xc0..=0xcf) && !matches!(code, 0xc4 | 0xc8 | 0xcc)
 }
 
-/// Width and height of a JPEG file that can be decoded here, px.
+/// What the frame header of a file says.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Head {
+    /// Width and height, px.
+    pub(super) size: (usize, usize),
+    /// Its colors are four inks.
+    pub(super) inks: bool,
+}
+
+/// The head of a JPEG file that can be decoded here.
 ///
 /// # Errors
-/// [`StillError::Cmyk`], [`StillError::Depth`]; [`StillError::Truncated`] for a file that ends before its picture does.
-pub(super) fn check(bytes: &[u8]) -> Result<(u16, u16), StillError> {
+/// [`StillError::Depth`]; [`StillError::Truncated`] for a file that ends before its picture does.
+pub(super) fn check(bytes: &[u8]) -> Result<Head, StillError> {
     let mut at = 2;
-    let mut size = None;
+    let mut head = None;
     loop {
         let Some(s) = segment(bytes, at) else {
             let cut = at + 4 > bytes.len();
@@ -50,27 +63,27 @@ pub(super) fn check(bytes: &[u8]) -> Result<(u16, u16), StillError> {
             return Err(StillError::Truncated);
         }
         if is_frame(s.code) {
-            size = Some(frame_header(s.code, &bytes[s.start..s.end])?);
+            head = Some(frame_header(s.code, &bytes[s.start..s.end])?);
         }
         at = s.end;
         if s.code == 0xda {
             break;
         }
     }
-    let size = size.ok_or_else(|| StillError::Damaged("no picture in it".to_owned()))?;
+    let head = head.ok_or_else(|| StillError::Damaged("no picture in it".to_owned()))?;
     // Coded data escape every 0xff, so that the end of the picture cannot be mistaken.
     let ends = bytes[at..].windows(2).any(|w| w == [0xff, 0xd9]);
-    if ends { Ok(size) } else { Err(StillError::Truncated) }
+    if ends { Ok(head) } else { Err(StillError::Truncated) }
 }
 
-fn frame_header(code: u8, header: &[u8]) -> Result<(u16, u16), StillError> {
+fn frame_header(code: u8, header: &[u8]) -> Result<Head, StillError> {
     let [bits, h1, h0, w1, w0, components, ..] = *header else { return Err(StillError::Truncated) };
+    let side = |high, low| usize::from(u16::from_be_bytes([high, low]));
     match (code, bits, components) {
         (0xc3 | 0xc5..=0xcf, ..) => {
             Err(StillError::Depth("lossless, hierarchical and arithmetic JPEG files".to_owned()))
         }
-        (_, _, 4) => Err(StillError::Cmyk),
-        (_, 8, 1 | 3) => Ok((u16::from_be_bytes([w1, w0]), u16::from_be_bytes([h1, h0]))),
+        (_, 8, 1 | 3 | 4) => Ok(Head { size: (side(w1, w0), side(h1, h0)), inks: components == 4 }),
         (_, 8, n) => Err(StillError::Damaged(format!("{n} components"))),
         (_, bits, _) => Err(StillError::Depth(format!("JPEG files of {bits} bits per sample"))),
     }

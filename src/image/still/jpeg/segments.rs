@@ -6,10 +6,14 @@
 //! | APP1 | `http://ns.adobe.com/xap/1.0/` | an XMP packet |
 //! | APP1 | `http://ns.adobe.com/xmp/extension/` | digest, full length, offset and a piece of extended XMP |
 //! | APP2 | `ICC_PROFILE` | a piece of the profile |
+//! | APP2 | `urn:iso:std:iso:ts:21496:-1` | how a gain map is applied |
+//! | APP2 | `MPF` | which pictures follow the first (`multi_picture.rs`) |
 //! | APP13 | `Photoshop 3.0` | a piece of a list of resources, with IPTC among them |
 //!
 //! # Reference
 //! Adobe, *XMP specification part 3*, section 1.1.3; ITU-T T.81, B.1.1.4.
+
+use std::ops::Range;
 
 use jpeg_encoder::{Encoder, EncodingError, JfifWrite};
 
@@ -24,8 +28,11 @@ pub(in super::super) const MAX_XMP: usize = 65_533 - XMP.len();
 /// Maximum size of IPTC, bytes: one segment.
 pub(in super::super) const MAX_IPTC: usize = 65_533 - PHOTOSHOP.len() - 13;
 
-const XMP: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
+pub(super) const XMP: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
 const EXTENSION: &[u8] = b"http://ns.adobe.com/xmp/extension/\0";
+const EXIF: &[u8] = b"Exif\0\0";
+const PROFILE: &[u8] = b"ICC_PROFILE\0";
+pub(super) const ISO: &[u8] = b"urn:iso:std:iso:ts:21496:-1\0";
 const PHOTOSHOP: &[u8] = b"Photoshop 3.0\0";
 /// Bytes of extended XMP in a segment.
 const PIECE: usize = 65_000;
@@ -58,16 +65,21 @@ pub(in super::super) struct Found {
     pub(in super::super) iptc: Option<Vec<u8>>,
 }
 
-/// Content of the segments of one kind before the picture, without what they begin with.
-fn contents<'b>(bytes: &'b [u8], code: u8, magic: &'b [u8]) -> impl Iterator<Item = &'b [u8]> {
+/// Where the contents of the segments of one kind before the picture are, without what they begin with.
+pub(super) fn pieces<'b>(bytes: &'b [u8], code: u8, magic: &'b [u8]) -> impl Iterator<Item = Range<usize>> + 'b {
     let mut at = 2;
     let segments = std::iter::from_fn(move || {
         let s = segment(bytes, at).filter(|s| s.code != 0xda)?;
         at = s.end;
         Some(s)
     });
-    let content = move |s: Segment| bytes.get(s.start..s.end)?.strip_prefix(magic).filter(|_| s.code == code);
-    segments.filter_map(content)
+    let is = move |s: &Segment| s.code == code && bytes.get(s.start..s.end).is_some_and(|b| b.starts_with(magic));
+    segments.filter(is).map(move |s| s.start + magic.len()..s.end)
+}
+
+/// The contents themselves.
+pub(super) fn contents<'b>(bytes: &'b [u8], code: u8, magic: &'b [u8]) -> impl Iterator<Item = &'b [u8]> {
+    pieces(bytes, code, magic).map(move |range| &bytes[range])
 }
 
 /// XMP and IPTC of a file.
@@ -76,6 +88,17 @@ pub(in super::super) fn found(bytes: &[u8]) -> Found {
     let xmp = packet.map(|packet| Xmp { extended: extended(bytes, &packet), packet });
     let resources: Vec<u8> = contents(bytes, 0xed, PHOTOSHOP).flatten().copied().collect();
     Found { xmp, iptc: iptc::of_resources(&resources) }
+}
+
+/// EXIF and the profile of a file.
+pub(in super::super) fn exif_and_profile(bytes: &[u8]) -> (Option<Vec<u8>>, Option<Vec<u8>>) {
+    let exif = contents(bytes, 0xe1, EXIF).next().map(<[u8]>::to_vec);
+    // Number and count of a piece, then its bytes.
+    let mut parts: Vec<&[u8]> = contents(bytes, 0xe2, PROFILE).filter(|piece| piece.len() > 2).collect();
+    parts.sort_by_key(|piece| piece[0]);
+    let whole = parts.iter().enumerate().all(|(i, p)| usize::from(p[0]) == i + 1 && usize::from(p[1]) == parts.len());
+    let profile = (whole && !parts.is_empty()).then(|| parts.iter().flat_map(|p| &p[2..]).copied().collect());
+    (exif, profile)
 }
 
 /// Extended XMP of the digest that a packet names; `None` where a piece is missing.
@@ -108,6 +131,8 @@ pub(in super::super) struct Written<'m> {
     pub(in super::super) xmp: Option<&'m [u8]>,
     pub(in super::super) extended: Option<&'m [u8]>,
     pub(in super::super) iptc: Option<&'m [u8]>,
+    /// Metadata of a gain map.
+    pub(in super::super) iso: Option<&'m [u8]>,
 }
 
 impl<'m> Written<'m> {
@@ -119,6 +144,7 @@ impl<'m> Written<'m> {
             xmp: metadata.xmp.as_ref().map(|xmp| &xmp.packet[..]),
             extended: metadata.xmp.as_ref().and_then(|xmp| xmp.extended.as_deref()),
             iptc: metadata.iptc.as_deref(),
+            iso: None,
         }
     }
 
@@ -144,6 +170,9 @@ impl<'m> Written<'m> {
         }
         if let Some(profile) = self.icc {
             encoder.add_icc_profile(profile)?;
+        }
+        if let Some(content) = self.iso {
+            encoder.add_app_segment(2, [ISO, content].concat())?;
         }
         Ok(())
     }

@@ -69,7 +69,7 @@ fn jpeg_says_that_xmp_or_iptc_is_too_long_for_its_segments() {
     let mut before = with_xmp(None);
     let long = |xmp: &mut Xmp| xmp.packet.extend(std::iter::repeat_n(b' ', 70_000));
     before.xmp.as_mut().map(long).expect("there");
-    before.iptc = Some([CAPTION, &[0; 66_000]].concat());
+    before.iptc = Some([CAPTION, &vec![0; 66_000]].concat());
     let (bytes, saved) = written(&before, StillFormat::Jpeg);
     assert_eq!(saved.warnings.len(), 2, "{saved:?}");
     assert!(saved.warnings.iter().all(|w| w.contains("does not fit into JPEG")), "{saved:?}");

@@ -91,8 +91,8 @@ impl Xmp {
         let Ok(text) = std::str::from_utf8(&self.packet) else { return (None, lost) };
         let packet = edited(text, size, &[PANORAMA]);
         let aligned = |extended: &Vec<u8>| {
-            let names = |namespace: &&str| extended.windows(namespace.len()).any(|w| w == namespace.as_bytes());
-            PIXEL_ALIGNED.iter().any(|n| names(&n))
+            let names = |namespace: &str| extended.windows(namespace.len()).any(|w| w == namespace.as_bytes());
+            PIXEL_ALIGNED.iter().any(|n| names(n))
         };
         let extended = self.extended.clone().filter(|e| !aligned(e));
         if extended.is_some() != self.extended.is_some() {
@@ -101,12 +101,33 @@ impl Xmp {
         (packet.map(|packet| Self { packet, extended }), lost)
     }
 
+    /// The packet with a description more, behind its others; `None` where it has none.
+    pub(super) fn with_description(&self, description: &str) -> Option<Vec<u8>> {
+        let text = std::str::from_utf8(&self.packet).ok()?;
+        let (mut tags, mut end) = (Tags::new(text), None);
+        while let Some(tag) = tags.next_tag().ok()? {
+            let name = &text[tag.name.clone()];
+            if tag.kind == Kind::Close && name.split_once(':').map_or(name, |(_, local)| local) == "RDF" {
+                end = Some(tag.whole.start);
+            }
+        }
+        let (before, after) = text.split_at(end?);
+        Some([before, description, after].concat().into_bytes())
+    }
+
+    /// A packet of one description.
+    pub(super) fn of_description(description: &str) -> Vec<u8> {
+        let rdf = "http://www.w3.org/1999/02/22-rdf-syntax-ns#";
+        let open = format!("<x:xmpmeta xmlns:x=\"adobe:ns:meta/\"><rdf:RDF xmlns:rdf=\"{rdf}\">");
+        format!("{open}{description}</rdf:RDF></x:xmpmeta>").into_bytes()
+    }
+
     /// The digest by which the packet names its extension.
     pub(super) fn digest(packet: &[u8]) -> Option<&str> {
         let text = std::str::from_utf8(packet).ok()?;
         let prefixes = prefixes(text, NOTE)?;
         let mut tags = Tags::new(text);
-        while let Some(tag) = tags.next_tag()? {
+        while let Some(tag) = tags.next_tag().ok()? {
             let value = property(text, &tag, &tags, &prefixes, "HasExtendedXMP").map(|range| text[range].trim());
             if let Some(value) = value.filter(|v| v.len() == DIGEST) {
                 return Some(value);
@@ -122,7 +143,7 @@ pub(super) const DIGEST: usize = 32;
 /// Prefixes that are bound to a namespace anywhere; `None` for text that is no XML.
 fn prefixes<'t>(text: &'t str, namespace: &str) -> Option<BTreeSet<&'t str>> {
     let (mut found, mut tags) = (BTreeSet::new(), Tags::new(text));
-    while let Some(tag) = tags.next_tag()? {
+    while let Some(tag) = tags.next_tag().ok()? {
         let bound = tag.attributes.iter().filter(|a| &text[a.value.clone()] == namespace);
         found.extend(bound.filter_map(|a| text[a.name.clone()].strip_prefix("xmlns:")));
     }
@@ -149,7 +170,7 @@ fn property(text: &str, tag: &Tag, rest: &Tags<'_>, prefixes: &BTreeSet<&str>, n
 fn edited(text: &str, (width, height): (usize, usize), removed: &[&str]) -> Option<Vec<u8>> {
     let (rules, mut tags) = (Rules::new(text, (width, height), removed)?, Tags::new(text));
     let (mut out, mut done, mut any) = (String::with_capacity(text.len()), 0, false);
-    while let Some(tag) = tags.next_tag()? {
+    while let Some(tag) = tags.next_tag().ok()? {
         any = true;
         let edits = if tag.kind != Kind::Close && rules.removes(&text[tag.name.clone()]) {
             if tag.kind == Kind::Open {

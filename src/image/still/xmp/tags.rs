@@ -32,6 +32,10 @@ pub(super) struct Tag {
     pub(super) whole: Range<usize>,
 }
 
+/// The text is no XML, or of a kind that XMP is not.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NotXml;
+
 /// The tags of a text.
 #[derive(Clone, Debug)]
 pub(super) struct Tags<'t> {
@@ -52,22 +56,22 @@ impl<'t> Tags<'t> {
         self.at
     }
 
-    /// The next tag; `Some(None)` at the end, `None` where the text is no XML.
-    pub(super) fn next_tag(&mut self) -> Option<Option<Tag>> {
+    /// The next tag; `None` at the end.
+    pub(super) fn next_tag(&mut self) -> Result<Option<Tag>, NotXml> {
         loop {
             let Some(start) = self.text[self.at..].find('<').map(|i| self.at + i) else {
                 self.at = self.text.len();
-                return Some(None);
+                return Ok(None);
             };
             let rest = &self.text[start..];
             if let Some((open, close)) = PASSED.into_iter().find(|(open, _)| rest.starts_with(open)) {
-                let length = rest[open.len()..].find(close)?;
+                let length = rest[open.len()..].find(close).ok_or(NotXml)?;
                 self.at = start + open.len() + length + close.len();
                 continue;
             }
-            let tag = tag(self.text, start)?;
+            let tag = tag(self.text, start).ok_or(NotXml)?;
             self.at = tag.whole.end;
-            return Some(Some(tag));
+            return Ok(Some(tag));
         }
     }
 
@@ -82,7 +86,7 @@ impl<'t> Tags<'t> {
     pub(super) fn skip_to_close(&mut self, name: &str) -> Option<()> {
         let mut depth = 1_usize;
         while depth > 0 {
-            let tag = self.next_tag()??;
+            let tag = self.next_tag().ok()??;
             if &self.text[tag.name] == name {
                 match tag.kind {
                     Kind::Open => depth += 1,
