@@ -6,6 +6,7 @@ use std::path::Path;
 use plumbline::image::still::{LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame};
 use plumbline::photo::rectangle::Outline;
 
+use crate::support::missing::real_media;
 use crate::support::program::{err, out, plumbline_in};
 
 fn at(folder: &Path, name: &str) -> Photo {
@@ -178,4 +179,22 @@ fn a_clip_without_focal_length_is_refused_with_what_to_give() {
     let run = plumbline_in(folder.path(), &["rectify", &clip.to_string_lossy(), "-o", "a.mp4"]);
     assert_eq!(run.status.code(), Some(2), "{}", err(&run));
     assert!(err(&run).contains("states no focal length") && err(&run).contains("--fov"), "{}", err(&run));
+}
+
+#[test]
+fn real_photos_are_not_taken_for_stitched_and_stitched_ones_are() {
+    for (name, stitched) in [
+        ("photo/misc/rectangling_1.jpg", true),
+        ("photo/misc/rectangling_2.jpg", true),
+        ("photo/fisheye/nebula_disk7.jpg", false),
+        ("photo/fisheye/ocam_matsuren.jpg", false),
+        ("photo/fisheye/defisheye_example1.jpg", false),
+        ("photo/fisheye_calib/nebula_01.jpg", false),
+        ("photo/portrait/yzhq_13_116.jpg", false),
+    ] {
+        let Some(path) = real_media(name) else { return };
+        let photo = load(&path, LoadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let found = Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
+        assert_eq!(found, stitched, "{name}");
+    }
 }

@@ -192,6 +192,7 @@ mod tests {
         let warp = PhotoWarp {
             field,
             size: (100, 50),
+            bounded_from: None,
             mesh,
             forward,
             lines: Vec::new(),
