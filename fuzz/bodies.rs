@@ -119,6 +119,15 @@ pub fn still_file(bytes: &[u8]) {
         encode(&photo, StillFormat::Tiff, SaveOptions::default(), &mut file).expect("any picture fits into TIFF");
         let again = decode(Cursor::new(file.into_inner()), options).expect("own files are read");
         assert_eq!((again.frame.width, again.frame.height), (photo.frame.width, photo.frame.height));
+        if photo.frame.width.max(photo.frame.height) <= 65_500 {
+            let mut file = Cursor::new(Vec::new());
+            let saved =
+                encode(&photo, StillFormat::Jpeg, SaveOptions::default(), &mut file).expect("it has few pixels");
+            let again = decode(Cursor::new(file.into_inner()), options).expect("own files are read");
+            let whole =
+                again.gain_map.is_some() == photo.gain_map.is_some() && again.xmp.is_some() >= photo.xmp.is_some();
+            assert!(whole || !saved.warnings.is_empty(), "what is lost is said");
+        }
     }
 }
 

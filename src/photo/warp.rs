@@ -21,6 +21,9 @@ pub struct PhotoWarp {
     pub field: WarpField,
     /// Width and height of the output, px.
     pub size: (usize, usize),
+    /// The size that the output would have had at the density of the source, where that is many more pixels than the source
+    /// has and [`Self::size`] was bounded.
+    pub bounded_from: Option<(usize, usize)>,
     /// The grid that was solved, as it lies in the output, px.
     pub mesh: GridMesh,
     /// Where each point of the source lies in the output, also outside its frame.
@@ -35,10 +38,13 @@ pub struct PhotoWarp {
 
 impl std::fmt::Debug for PhotoWarp {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { field, size, mesh, lines, cut_faces, iterations, forward: _ } = self;
+        let Self { field, size, bounded_from, mesh, lines, cut_faces, iterations, forward: _ } = self;
         let mut s = f.debug_struct("PhotoWarp");
         s.field("field", field).field("size", size).field("mesh", mesh).field("lines", lines);
-        s.field("cut_faces", cut_faces).field("iterations", iterations).finish_non_exhaustive()
+        s.field("bounded_from", bounded_from)
+            .field("cut_faces", cut_faces)
+            .field("iterations", iterations)
+            .finish_non_exhaustive()
     }
 }
 

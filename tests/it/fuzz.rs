@@ -7,7 +7,7 @@ mod bodies;
 use std::io::Cursor;
 
 use crate::support::clips::{make, workshop};
-use plumbline::image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
+use plumbline::image::still::{GainMap, Photo, SaveOptions, StillFormat, Xmp, encode, frame_of_rgb};
 use plumbline::num::run::Run;
 use plumbline::num::time::{Timebase, Timestamp};
 use plumbline::shape::character::SkinWeights;
@@ -196,7 +196,11 @@ fn no_picture_makes_the_reader_panic() {
     let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| (i * 7 % 251) as u8).collect();
     let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
     let exif = Some(b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0".to_vec());
-    let photo = Photo { frame, exif, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let map = frame_of_rgb(&samples[..6 * 4 * 3], 6, 4).expect("as many as it takes");
+    let gain_map = Some(GainMap { frame: map, xmp: Some(PACKET.into()), iso: Some(vec![0; 4]) });
+    let (xmp, iptc) =
+        (Some(Xmp { packet: PACKET.into(), extended: Some(vec![b'a'; 80]) }), Some(b"\x1c\x02x\0\x01a".to_vec()));
+    let photo = Photo { exif, xmp, iptc, gain_map, ..Photo::new(frame) };
     let file = |format| {
         let mut out = Cursor::new(Vec::new());
         encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");
@@ -204,6 +208,29 @@ fn no_picture_makes_the_reader_panic() {
     };
     let formats = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
     hammer(&formats.map(file), bodies::still_file, 3);
+    let mut inks = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut inks, 90);
+    encoder.encode(&samples[..24 * 12 * 4], 24, 12, jpeg_encoder::ColorType::CmykAsYcck).expect("memory");
+    hammer(&[inks, floats()], bodies::still_file, 4);
+}
+
+/// XMP that is corrected, and describes a gain map.
+const PACKET: &str = r#"<rdf:RDF xmlns:rdf="r"><rdf:Description xmlns:t="http://ns.adobe.com/tiff/1.0/" t:Orientation="6"
+ xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" xmlns:xmpNote="http://ns.adobe.com/xmp/note/" hdrgm:Version="1.0"
+ xmpNote:HasExtendedXMP="0123456789ABCDEF0123456789ABCDEF"><t:ImageWidth>9</t:ImageWidth></rdf:Description></rdf:RDF>"#;
+
+/// A TIFF file of two gray pixels, floating-point.
+fn floats() -> Vec<u8> {
+    let mut file = b"II*\0\x10\0\0\0".to_vec();
+    file.extend([0.25_f32.to_le_bytes(), 4_f32.to_le_bytes()].concat());
+    let entries: [(u16, u16); 10] =
+        [(256, 2), (257, 1), (258, 32), (259, 1), (262, 1), (273, 8), (277, 1), (278, 1), (279, 8), (339, 3)];
+    file.extend((entries.len() as u16).to_le_bytes());
+    for (tag, value) in entries {
+        file.extend([tag.to_le_bytes(), [3, 0], [1, 0], [0, 0], value.to_le_bytes(), [0, 0]].concat());
+    }
+    file.extend([0; 4]);
+    file
 }
 
 /// A square of two materials and three vertices of color, in every format.
@@ -478,7 +505,7 @@ fn no_colmap_model_makes_the_reader_panic() {
 fn no_mask_makes_the_reader_panic() {
     let samples: Vec<u8> = (0..24 * 16 * 3).map(|i| if i % 72 < 36 { 255 } else { 0 }).collect();
     let frame = frame_of_rgb(&samples, 24, 16).expect("as many as it takes");
-    let photo = Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let photo = Photo::new(frame);
     let file = |format| {
         let mut out = Cursor::new(Vec::new());
         encode(&photo, format, SaveOptions::default(), &mut out).expect("it can be written");

@@ -9,7 +9,7 @@ use plumbline::app::pipeline::draw::{GraphFormat, draw};
 use plumbline::app::pipeline::shipped::shipped;
 use plumbline::app::pipeline::{check, print, read};
 use plumbline::image::still::{
-    ExifTags, LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame, size,
+    LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame, size,
 };
 use plumbline::image::{Frame, Layout, PixelFormat};
 
@@ -29,7 +29,7 @@ fn rgb(width: usize, height: usize) -> Vec<u8> {
 
 fn photo(width: usize, height: usize) -> Photo {
     let frame = frame_of_rgb(&rgb(width, height), width, height).expect("as many as it takes");
-    Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() }
+    Photo::new(frame)
 }
 
 fn write(photo: &Photo, path: &Path) {

@@ -3,11 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use plumbline::image::still::{
-    ExifTags, LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame,
-};
+use plumbline::image::still::{LoadOptions, Photo, SaveOptions, StillFormat, encode, frame_of_rgb, load, rgb_of_frame};
 use plumbline::photo::rectangle::Outline;
 
+use crate::support::missing::real_media;
 use crate::support::program::{err, out, plumbline_in};
 
 fn at(folder: &Path, name: &str) -> Photo {
@@ -29,7 +28,7 @@ fn cut_room(folder: &Path, name: &str) {
     }
     let samples: Vec<u8> = pixels.into_iter().flatten().collect();
     let frame = frame_of_rgb(&samples, w as usize, h as usize).expect("as many as it takes");
-    let cut = Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
+    let cut = Photo::new(frame);
     let mut file = fs::File::create(folder.join(name)).expect("a file");
     let format = StillFormat::of_name(Path::new(name)).expect("a known name");
     encode(&cut, format, SaveOptions::default(), &mut file).expect("written");
@@ -180,4 +179,22 @@ fn a_clip_without_focal_length_is_refused_with_what_to_give() {
     let run = plumbline_in(folder.path(), &["rectify", &clip.to_string_lossy(), "-o", "a.mp4"]);
     assert_eq!(run.status.code(), Some(2), "{}", err(&run));
     assert!(err(&run).contains("states no focal length") && err(&run).contains("--fov"), "{}", err(&run));
+}
+
+#[test]
+fn real_photos_are_not_taken_for_stitched_and_stitched_ones_are() {
+    for (name, stitched) in [
+        ("photo/misc/rectangling_1.jpg", true),
+        ("photo/misc/rectangling_2.jpg", true),
+        ("photo/fisheye/nebula_disk7.jpg", false),
+        ("photo/fisheye/ocam_matsuren.jpg", false),
+        ("photo/fisheye/defisheye_example1.jpg", false),
+        ("photo/fisheye_calib/nebula_01.jpg", false),
+        ("photo/portrait/yzhq_13_116.jpg", false),
+    ] {
+        let Some(path) = real_media(name) else { return };
+        let photo = load(&path, LoadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let found = Outline::of_frame(&photo.frame).is_some_and(|outline| outline.is_stitched());
+        assert_eq!(found, stitched, "{name}");
+    }
 }

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::photo::with_pixels;
 use super::prelude::*;
 use super::values::PhotoMap;
 use plumbline_image::canvas::{Canvas, Rgb};
@@ -46,7 +45,7 @@ impl Stage for ImageGridSettings {
         let vertices: Vec<Point2> = mesh.vertices.iter().map(|v| Point2::new(v.x * scale.0, v.y * scale.1)).collect();
         canvas.grid(&vertices, mesh.cols + 1, COLOR, thickness);
         let frame = frame_of_rgb(canvas.as_bytes(), width, height).map_err(odd)?;
-        Ok((Arc::new(with_pixels(&photo, frame)),))
+        Ok((Arc::new(photo.with_frame(frame)),))
     }
 }
 

@@ -38,7 +38,7 @@ pub(super) fn read(path: &Path, max_pixels: u64, threads: usize) -> Result<Photo
 
 impl Stage for ImageLoadSettings {
     const KIND: &'static str = "image.load";
-    const SUMMARY: &'static str = "opens a still picture, upright, with its EXIF and color profile";
+    const SUMMARY: &'static str = "opens a still picture, upright, with its metadata and color profile";
     const INPUTS: &'static [Port] = &[];
     const OUTPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture")];
     const REQUIRED: &'static [&'static str] = &["path"];

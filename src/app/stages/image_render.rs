@@ -5,7 +5,6 @@ use std::sync::Arc;
 use nalgebra::{Matrix2, Matrix2x3};
 
 use super::photo::transparency::{eroded, mask_of, opacity, plane_of, with_alpha};
-use super::photo::with_pixels;
 use super::prelude::*;
 use super::values::PhotoMap;
 use super::video_render;
@@ -63,22 +62,23 @@ impl Stage for ImageRenderSettings {
     }
 
     fn run(&self, (photo, maps): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let frame = rendered(&photo.frame, maps.into_iter().next(), self, &context.job.run());
-        Ok((match frame.map_err(|e| render_error(context, &e))? {
-            Some(frame) => Arc::new(with_pixels(&photo, frame)),
-            None => photo,
-        },))
+        let made = rendered(&photo, maps.into_iter().next(), self, &context.job.run());
+        let Some(made) = made.map_err(|e| render_error(context, &e))? else { return Ok((photo,)) };
+        for warning in &made.warnings {
+            context.warn(warning.clone());
+        }
+        Ok((Arc::new(made),))
     }
 }
 
-/// The picture through a map; `None` where it stays as it is.
+/// The picture through a map, with its gain map; `None` where it stays as it is.
 pub(super) fn rendered(
-    frame: &Frame,
+    photo: &Photo,
     map: Option<Arc<PhotoMap>>,
     settings: &ImageRenderSettings,
     run: &Run,
-) -> Result<Option<Frame>, RenderError> {
-    let source = (frame.width, frame.height);
+) -> Result<Option<Photo>, RenderError> {
+    let source = (photo.frame.width, photo.frame.height);
     let natural = map.as_ref().map_or(source, |m| m.warp.size);
     let size = settings.size.map_or(natural, |size| size.pixels(natural));
     if map.is_none() && size == source {
@@ -88,7 +88,12 @@ pub(super) fn rendered(
         Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
         map => Lattice::between(&resized(map, natural, size), size, source),
     };
-    sampled(frame, &lattice, settings, run).map(Some)
+    let mut made = photo.with_frame(sampled(&photo.frame, &lattice, settings, run)?);
+    if let Some(gain_map) = &photo.gain_map {
+        // Where nothing is shown, nothing shines.
+        made.gain_map = Some(gain_map.rendered(&lattice, source, &renderer(settings), run)?);
+    }
+    Ok(Some(made))
 }
 
 /// The picture through a lattice, and what fills the rest.
@@ -187,6 +192,7 @@ mod tests {
         let warp = PhotoWarp {
             field,
             size: (100, 50),
+            bounded_from: None,
             mesh,
             forward,
             lines: Vec::new(),

@@ -30,7 +30,7 @@ impl Default for ImageSaveSettings {
 
 impl Stage for ImageSaveSettings {
     const KIND: &'static str = "image.save";
-    const SUMMARY: &'static str = "writes a still picture with its EXIF and color profile";
+    const SUMMARY: &'static str = "writes a still picture with its metadata and color profile";
     const INPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture")];
     const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
     const REQUIRED: &'static [&'static str] = &["path"];

@@ -13,7 +13,7 @@ use crate::pipeline::paths::to_path;
 use crate::pipeline::sizes::PixelSize;
 use crate::pipeline::surfaces::BackgroundColor;
 use plumbline_image::canvas::Rgb;
-use plumbline_image::still::{ExifTags, Photo, frame_of_rgb};
+use plumbline_image::still::{Photo, frame_of_rgb};
 use plumbline_num::document::read_bounded;
 use plumbline_shape::character::io::read_rig;
 use plumbline_shape::character::skeleton_file::SkeletonFile;
@@ -143,9 +143,7 @@ impl Stage for MeshRenderSettings {
         let surface = Surface { mesh: &mesh, paint, edges: edges.as_deref(), marks: &marks };
         let drawn = draw(&surface, &camera, &style(self), &context.job.run())?;
         let frame = frame_of_rgb(drawn.as_bytes(), size.0, size.1).map_err(|e| RunError::Internal(e.to_string()))?;
-        let photo =
-            Photo { frame, exif: None, tags: ExifTags::default(), icc: None, format: None, warnings: Vec::new() };
-        Ok((Arc::new(photo),))
+        Ok((Arc::new(Photo::new(frame)),))
     }
 }
 

@@ -12,6 +12,7 @@ use crate::pipeline::sizes::{PictureSize, TargetSize, ViewAngles, ViewField};
 use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
+use plumbline_photo::PhotoWarp;
 use plumbline_photo::line_detection::off_faces;
 use plumbline_photo::measure_straightness;
 use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, Window};
@@ -131,6 +132,7 @@ impl Stage for PhotoRectifySettings {
             context.summary.source_shown = Some(warp.source_shown(source));
         }
         report_lines(context, &warp.lines, &[]);
+        warn_of_bound(context, &warp);
         warn_of_cut_faces(context, &warp.cut_faces);
         let mut report = Map::new();
         report.insert("source_shown".into(), json!(context.summary.source_shown));
@@ -156,6 +158,17 @@ const MEASURED_SIDE_PX: usize = 2000;
 
 /// What a view of a panorama shows unless said otherwise.
 const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
+
+/// Says that a view has fewer pixels than its center asks for.
+fn warn_of_bound(context: &mut Context<'_, '_>, warp: &PhotoWarp) {
+    if let Some((width, height)) = warp.bounded_from {
+        let (w, h) = warp.size;
+        context.warn(format!(
+            "the view would have {width}×{height} px at its center's density, more than the source has; it was made \
+             {w}×{h} px (--size sets another)"
+        ));
+    }
+}
 
 /// Says which faces the crop could not keep.
 fn warn_of_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {

@@ -47,9 +47,8 @@ pub fn rectified(input: &RectifyInput<'_>, settings: &PhotoRectifySettings, run:
 /// [`RunError`]: a picture that is too large to render, an interruption.
 pub fn rendered(photo: &Photo, warp: PhotoWarp, settings: &ImageRenderSettings, run: &Run) -> Result<Photo, RunError> {
     let map = Arc::new(PhotoMap { warp, report: Map::new() });
-    let frame = image_render::rendered(&photo.frame, Some(map), settings, run).map_err(render_error)?;
-    let same = || RunError::Internal("a picture with a map was not rendered".to_owned());
-    Ok(photo::with_pixels(photo, frame.ok_or_else(same)?))
+    let made = image_render::rendered(photo, Some(map), settings, run).map_err(render_error)?;
+    made.ok_or_else(|| RunError::Internal("a picture with a map was not rendered".to_owned()))
 }
 
 /// A part of what `image.render` makes, at any scale: `lattice` says where its pixels come from.

@@ -3,8 +3,10 @@
 use super::alpha::{unweighted, weighted};
 use super::{RenderError, RenderOptions, Renderer};
 use crate::Frame;
-use crate::still::Photo;
-use crate::warp::{Lattice, WarpField};
+use crate::still::{GainMap, Photo};
+use crate::warp::{Lattice, Map, WarpField};
+use nalgebra::{Matrix2, Matrix2x3};
+use plumbline_num::math::{Point2, PointMap, Vec2};
 use plumbline_num::run::Run;
 
 impl Renderer {
@@ -38,10 +40,56 @@ impl Photo {
     /// As for [`Renderer::render`].
     pub fn rendered(&self, src_from_out: &WarpField, size: (usize, usize), run: &Run) -> Result<Self, RenderError> {
         let lattice = Lattice::between(src_from_out, size, (self.frame.width, self.frame.height));
-        let frame = Renderer::new(RenderOptions::default()).render_still(&self.frame, &lattice, run)?;
-        let Self { exif, tags, icc, format, warnings, .. } = self;
-        let (exif, tags, icc, warnings) = (exif.clone(), tags.clone(), icc.clone(), warnings.clone());
-        Ok(Self { frame, exif, tags, icc, format: *format, warnings })
+        let renderer = Renderer::new(RenderOptions::default());
+        let frame = renderer.render_still(&self.frame, &lattice, run)?;
+        let mut made = self.with_frame(frame);
+        if let Some(map) = &self.gain_map {
+            let whole = (self.frame.width, self.frame.height);
+            made.gain_map = Some(map.rendered(&lattice, whole, &renderer, run)?);
+        }
+        made.warnings.splice(..0, self.warnings.iter().cloned());
+        Ok(made)
+    }
+}
+
+impl GainMap {
+    /// The gain map of a picture of `whole` px through the lattice that shows the picture, with as many pixels for each of the
+    /// picture as before.
+    ///
+    /// # Errors
+    /// As for [`Renderer::render`].
+    pub fn rendered(
+        &self,
+        lattice: &Lattice,
+        whole: (usize, usize),
+        renderer: &Renderer,
+        run: &Run,
+    ) -> Result<Self, RenderError> {
+        let (own, size) = ((self.frame.width, self.frame.height), lattice.size());
+        let scale = (own.0 as f64 / whole.0 as f64, own.1 as f64 / whole.1 as f64);
+        let side = |length: usize, scale: f64| ((length as f64 * scale).round() as usize).max(1);
+        let out = (side(size.0, scale.0), side(size.1, scale.1));
+        let scaled = |x: f64, y: f64| Map::Affine(Matrix2x3::new(x, 0.0, 0.0, 0.0, y, 0.0));
+        let field = WarpField::identity()
+            .then(scaled(size.0 as f64 / out.0 as f64, size.1 as f64 / out.1 as f64))
+            .then(Map::Radial(Box::new(Sampled(lattice.clone()))))
+            .then(scaled(scale.0, scale.1));
+        let lattice = Lattice::between(&field, out, own);
+        Ok(self.with_frame(renderer.render_still(&self.frame, &lattice, run)?))
+    }
+}
+
+/// A lattice as a map of points.
+struct Sampled(Lattice);
+
+impl PointMap for Sampled {
+    fn map(&self, p: Point2) -> Option<Point2> {
+        self.0.src_from_out(p)
+    }
+
+    fn jacobian(&self, p: Point2) -> Option<Matrix2<f64>> {
+        let along = |step: Vec2| Some(self.map(p + step)? - self.map(p - step)?);
+        Some(Matrix2::from_columns(&[along(Vec2::new(0.5, 0.0))?, along(Vec2::new(0.0, 0.5))?]))
     }
 }
 
@@ -95,6 +143,30 @@ mod tests {
             let edge = sample(&result, 3, 0);
             assert!(edge > full / 4 && edge < full, "the border is transparent: {edge}");
         }
+    }
+
+    #[test]
+    fn a_gain_map_goes_where_its_picture_goes() {
+        let gray = |w: usize, h: usize| {
+            let mut frame = Frame::new(PixelFormat::opaque(Layout::Gray, 8), w, h);
+            let mut plane = frame.plane8_mut(0).expect("8 bit");
+            (0..h).for_each(|y| plane.row_mut(y)[w / 2..].fill(200));
+            frame
+        };
+        let mut photo = Photo::new(gray(64, 48));
+        photo.gain_map = Some(GainMap { frame: gray(16, 12), xmp: Some(vec![7]), iso: None });
+        // Half the size, and 16 px of the source further left.
+        let field = WarpField::identity().then(Map::Affine(Matrix2x3::new(2.0, 0.0, 16.0, 0.0, 2.0, 0.0)));
+        let made = photo.rendered(&field, (24, 24), &Run::default()).expect("sizes fit");
+        let map = made.gain_map.expect("carried along");
+        assert_eq!((map.frame.width, map.frame.height, map.xmp), (6, 6, Some(vec![7])));
+        let edge = |frame: &Frame| {
+            let plane = frame.plane8(0).expect("8 bit");
+            plane.row(plane.height() / 2).iter().map(|v| 1.0 - f64::from(*v) / 200.0).sum::<f64>()
+                / plane.width() as f64
+        };
+        let (picture, map) = (edge(&made.frame), edge(&map.frame));
+        assert!((picture - 8.0 / 24.0).abs() < 0.02 && (map - picture).abs() < 0.02, "{picture} and {map}");
     }
 
     #[test]

@@ -52,8 +52,10 @@ pub enum StillError {
     /// The input is at fault.
     #[error("the file is damaged: {0}")]
     Damaged(String),
-    /// The input is at fault: CMYK needs color management.
-    #[error("CMYK; convert it to RGB with its profile first, for example `magick in.jpg -profile sRGB.icc out.jpg`")]
+    /// The input is at fault: CMYK, which is read from JPEG files alone.
+    #[error(
+        "CMYK in a TIFF file; convert it to RGB with its profile first, for example `magick in.tif -profile sRGB.icc out.tif`"
+    )]
     Cmyk,
     /// The input is at fault: samples of another depth or kind.
     #[error("{0} are not read here; convert it to 8 or 16 bit per sample first")]

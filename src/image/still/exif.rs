@@ -109,10 +109,24 @@ pub(super) struct Entry {
 }
 
 impl Entry {
+    /// Type of its values.
+    pub(super) fn kind(&self, order: Order) -> u16 {
+        order.u16([self.bytes[2], self.bytes[3]])
+    }
+
     /// How many values it has.
     pub(super) fn count(&self, order: Order) -> u32 {
         let [.., a, b, c, d, _, _, _, _] = self.bytes;
         order.u32([a, b, c, d])
+    }
+
+    /// The first of its short numbers, which are in the block where there are more than two.
+    pub(super) fn first_short(&self, block: &[u8], order: Order) -> Option<u16> {
+        match self.count(order) {
+            _ if self.kind(order) != SHORT => None,
+            1 | 2 => Some(order.u16([self.bytes[8], self.bytes[9]])),
+            _ => order.u16_at(block, self.value(order) as usize),
+        }
     }
 
     /// Its value read as a long: a number, or where the values are.

@@ -3,10 +3,65 @@
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use super::{LoadOptions, Photo, SaveOptions, Saved, StillError, StillFormat, encode, load};
+use super::{ExifTags, LoadOptions, Photo, SaveOptions, Saved, StillError, StillFormat, encode, load};
+use crate::Frame;
 use plumbline_num::files::{AtomicFile, IfExists};
 
 impl Photo {
+    /// A picture of which nothing is known but its pixels.
+    ///
+    /// ```
+    /// use plumbline_image::still::{Photo, frame_of_rgb};
+    ///
+    /// let photo = Photo::new(frame_of_rgb(&[255, 0, 0], 1, 1)?);
+    /// assert!(photo.exif.is_none() && photo.size() == (1, 1));
+    /// # Ok::<(), plumbline_image::still::StillError>(())
+    /// ```
+    pub fn new(frame: Frame) -> Self {
+        Self {
+            frame,
+            exif: None,
+            tags: ExifTags::default(),
+            icc: None,
+            xmp: None,
+            iptc: None,
+            gain_map: None,
+            format: None,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Other pixels, which were moved or resized, with what the file said of this picture. What is true of the old ones alone, such
+    /// as the geometry of a panorama, is left out; the warnings are of what was lost that way. So is the gain map, which
+    /// [`GainMap::rendered`] carries along.
+    ///
+    /// ```
+    /// use plumbline_image::still::{Photo, frame_of_rgb};
+    ///
+    /// let mut photo = Photo::new(frame_of_rgb(&[0; 12], 2, 2)?);
+    /// photo.icc = Some(vec![1, 2, 3]);
+    /// let cut = photo.with_frame(frame_of_rgb(&[0; 3], 1, 1)?);
+    /// assert_eq!((cut.size(), cut.icc), ((1, 1), photo.icc));
+    /// # Ok::<(), plumbline_image::still::StillError>(())
+    /// ```
+    #[must_use]
+    pub fn with_frame(&self, frame: Frame) -> Self {
+        let moved = self.xmp.as_ref().map(|xmp| xmp.of_moved_pixels((frame.width, frame.height)));
+        let (xmp, lost) = moved.unwrap_or_default();
+        let warning = |what| format!("{what} does not fit the new pixels and was left out");
+        Self {
+            exif: self.exif.clone(),
+            tags: self.tags.clone(),
+            icc: self.icc.clone(),
+            xmp,
+            iptc: self.iptc.clone(),
+            gain_map: None,
+            format: self.format,
+            warnings: lost.into_iter().map(warning).collect(),
+            frame,
+        }
+    }
+
     /// Reads a picture file: [`load`] with the default limits.
     ///
     /// # Errors
@@ -42,21 +97,14 @@ impl Photo {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Frame, Layout, PixelFormat};
+    use crate::{Layout, PixelFormat};
 
     #[test]
     fn a_saved_picture_reads_back_and_a_name_of_no_format_leaves_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut frame = Frame::new(PixelFormat::opaque(Layout::Gbr, 8), 5, 3);
         frame.plane8_mut(1).expect("8 bit").row_mut(2)[4] = 200;
-        let photo = Photo {
-            frame,
-            exif: None,
-            tags: super::super::ExifTags::default(),
-            icc: None,
-            format: None,
-            warnings: Vec::new(),
-        };
+        let photo = Photo::new(frame);
         let path = folder.path().join("a.png");
         for _ in 0..2 {
             photo.save(&path).expect("a folder that can be written");

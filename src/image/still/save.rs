@@ -3,15 +3,12 @@
 use std::io::{Seek, Write};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::codecs::webp::WebPEncoder;
 use image::{ExtendedColorType, ImageEncoder};
+use image_webp::{ColorType, EncodingError, WebPEncoder};
 
 use super::packed::{is_still, pack};
-use super::{Photo, StillError, StillFormat, exif, jpeg, reduce, tiff};
+use super::{GainMap, Photo, StillError, StillFormat, Xmp, exif, iptc, jpeg, png, reduce, tiff};
 use crate::{Frame, Layout};
-
-/// Maximum size of EXIF in JPEG, bytes: one segment.
-const MAX_EXIF_IN_JPEG: usize = 65_527;
 
 /// How pictures are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +30,15 @@ pub struct Saved {
     pub warnings: Vec<String>,
 }
 
+/// What is written beside the pixels.
+#[derive(Debug, Default)]
+pub(super) struct Metadata {
+    pub(super) exif: Option<Vec<u8>>,
+    pub(super) icc: Option<Vec<u8>>,
+    pub(super) xmp: Option<Xmp>,
+    pub(super) iptc: Option<Vec<u8>>,
+}
+
 /// Writes a picture. The caller gives the file its name once this succeeds.
 ///
 /// # Errors
@@ -47,58 +53,80 @@ pub fn encode(
         return Err(StillError::Layout);
     }
     let mut saved = Saved::default();
-    let exif = upright(photo, &mut saved);
-    let icc = fitting_profile(photo, &mut saved);
+    let metadata = Metadata::of(photo, format, &mut saved);
+    if photo.gain_map.is_some() && format != StillFormat::Jpeg {
+        saved.warnings.push(format!("{} has no HDR gain map; it was left out, and JPEG keeps it", format.name()));
+    }
     match format {
         StillFormat::Jpeg => {
             let reduced = reduced(&photo.frame, format, false, &mut saved)?;
-            let too_long = |block: &&Vec<u8>| {
-                let long = block.len() > MAX_EXIF_IN_JPEG;
-                if long {
-                    saved
-                        .warnings
-                        .push(format!("EXIF of {} bytes does not fit into JPEG and was left out", block.len()));
-                }
-                !long
-            };
-            let exif = exif.as_ref().filter(too_long);
-            let metadata = jpeg::Metadata { exif: exif.map(Vec::as_slice), icc };
-            jpeg::encode(reduced.as_ref().unwrap_or(&photo.frame), options.quality, metadata, out)?;
+            let frame = reduced.as_ref().unwrap_or(&photo.frame);
+            write_jpeg((frame, photo.gain_map.as_ref()), metadata, options.quality, out, &mut saved)?;
         }
-        StillFormat::Tiff => tiff::encode(&photo.frame, exif.as_deref(), icc, out)?,
-        StillFormat::Png => {
-            let encoder = PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive);
-            with_metadata(encoder, &photo.frame, exif, icc)?;
-        }
+        StillFormat::Tiff => tiff::encode(&photo.frame, &metadata, out)?,
+        StillFormat::Png => write_png(&photo.frame, metadata, out)?,
         StillFormat::WebP => {
             let reduced = reduced(&photo.frame, format, true, &mut saved)?;
             let frame = reduced.as_ref().unwrap_or(&photo.frame);
             check_side(frame, format, 16_384)?;
-            with_metadata(WebPEncoder::new_lossless(out), frame, exif, icc)?;
+            write_webp(frame, metadata, out)?;
         }
     }
     Ok(saved)
 }
 
-/// EXIF with the size of the written picture.
-fn upright(photo: &Photo, saved: &mut Saved) -> Option<Vec<u8>> {
-    let mut block = photo.exif.clone()?;
-    let good = exif::describe(&mut block, photo.frame.width, photo.frame.height);
-    if !good {
-        saved.warnings.push("EXIF is damaged and was left out".to_owned());
+impl Metadata {
+    /// What a format holds of a photo's metadata, said to be of its frame's size.
+    fn of(photo: &Photo, format: StillFormat, saved: &mut Saved) -> Self {
+        let size = (photo.frame.width, photo.frame.height);
+        let mut exif = photo.exif.clone();
+        if exif.as_mut().is_some_and(|block| !exif::describe(block, size.0, size.1)) {
+            exif = None;
+            saved.warnings.push("EXIF is damaged and was left out".to_owned());
+        }
+        let packet = photo.xmp.as_ref().and_then(|xmp| xmp.described(size));
+        if photo.xmp.is_some() && packet.is_none() {
+            saved.warnings.push("XMP is damaged and was left out".to_owned());
+        }
+        let extended = photo.xmp.as_ref().and_then(|xmp| xmp.extended.clone()).filter(|_| packet.is_some());
+        let xmp = packet.map(|packet| Xmp { packet, extended });
+        let mut metadata = Self { exif, icc: fitting_profile(photo, saved), xmp, iptc: photo.iptc.clone() };
+        metadata.fit(format, &mut saved.warnings);
+        metadata
     }
-    good.then_some(block)
+
+    /// Leaves out what the format has no room for.
+    fn fit(&mut self, format: StillFormat, warnings: &mut Vec<String>) {
+        let jpeg = format == StillFormat::Jpeg;
+        let limits = if jpeg { [jpeg::MAX_EXIF, jpeg::MAX_XMP, jpeg::MAX_IPTC] } else { [usize::MAX; 3] };
+        let name = format.name();
+        let mut too_long = |what: &str, bytes: usize, limit: usize| {
+            let long = bytes > limit;
+            warnings.extend(long.then(|| format!("{what} of {bytes} bytes does not fit into {name} and was left out")));
+            long
+        };
+        self.exif.take_if(|block| too_long("EXIF", block.len(), limits[0]));
+        self.xmp.take_if(|xmp| too_long("XMP", xmp.packet.len(), limits[1]));
+        self.iptc.take_if(|iim| too_long("IPTC", iim.len(), limits[2]));
+        let extended = self.xmp.as_mut().filter(|_| !jpeg).and_then(|xmp| xmp.extended.take());
+        if extended.is_some() {
+            warnings.push(format!("{name} has no extended XMP; it was left out, and JPEG keeps it"));
+        }
+        if format == StillFormat::WebP && self.iptc.take().is_some() {
+            warnings.push("WebP has no IPTC; it was left out, and JPEG, PNG and TIFF keep it".to_owned());
+        }
+    }
 }
 
 /// The profile, where it is one of the samples' color space.
-fn fitting_profile<'p>(photo: &'p Photo, saved: &mut Saved) -> Option<&'p [u8]> {
+fn fitting_profile(photo: &Photo, saved: &mut Saved) -> Option<Vec<u8>> {
     let icc = photo.icc.as_deref()?;
     let space: &[u8] = if reduce::is_gray(&photo.frame) { b"GRAY" } else { b"RGB " };
     let fits = icc.get(16..20) == Some(space);
     if !fits {
         saved.warnings.push("the color profile is not one of these samples and was left out".to_owned());
     }
-    fits.then_some(icc)
+    fits.then(|| icc.to_vec())
 }
 
 /// The frame as 8 bit, and without alpha if the format has none; `None` where it is that already.
@@ -126,18 +154,40 @@ pub(super) fn check_side(frame: &Frame, format: StillFormat, most: usize) -> Res
     if width.max(height) > most { Err(side) } else { Ok(()) }
 }
 
-fn with_metadata(
-    mut encoder: impl ImageEncoder,
-    frame: &Frame,
-    exif: Option<Vec<u8>>,
-    icc: Option<&[u8]>,
+/// Writes a picture, and its gain map behind it.
+fn write_jpeg(
+    (frame, gain_map): (&Frame, Option<&GainMap>),
+    mut metadata: Metadata,
+    quality: u8,
+    mut out: impl Write,
+    saved: &mut Saved,
 ) -> Result<(), StillError> {
+    let Some(map) = gain_map else { return jpeg::encode(frame, quality, &jpeg::Written::of(&metadata), out) };
+    let second = map.encoded(quality)?;
+    let Some(packet) = GainMap::announced(metadata.xmp.as_ref(), second.len()) else {
+        saved.warnings.push("XMP leaves no room to announce the HDR gain map, which was left out".to_owned());
+        return jpeg::encode(frame, quality, &jpeg::Written::of(&metadata), out);
+    };
+    metadata.xmp = Some(Xmp { packet, extended: metadata.xmp.and_then(|xmp| xmp.extended) });
+    // Of the binary form the picture has the version alone.
+    let iso = map.iso.as_ref().map(|_| &[0; 4][..]);
+    let mut first = Vec::new();
+    jpeg::encode(frame, quality, &jpeg::Written { iso, ..jpeg::Written::of(&metadata) }, &mut first)?;
+    let joined = jpeg::joined(&first, &second).ok_or_else(|| StillError::Encode("a picture of 4 GiB".to_owned()))?;
+    out.write_all(&joined).map_err(StillError::Write)
+}
+
+fn write_png(frame: &Frame, metadata: Metadata, out: impl Write) -> Result<(), StillError> {
     let refused = |e: image::error::UnsupportedError| StillError::Encode(e.to_string());
-    if let Some(block) = exif {
+    let packet = metadata.xmp.map(|xmp| png::international_text("XML:com.adobe.xmp", &xmp.packet));
+    let iptc = metadata.iptc.map(|iim| png::text("Raw profile type iptc", iptc::text(&iim).as_bytes()));
+    let out = png::WithChunks::new(out, packet.into_iter().chain(iptc).flatten().collect());
+    let mut encoder = PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive);
+    if let Some(block) = metadata.exif {
         encoder.set_exif_metadata(block).map_err(refused)?;
     }
-    if let Some(profile) = icc {
-        encoder.set_icc_profile(profile.to_vec()).map_err(refused)?;
+    if let Some(profile) = metadata.icc {
+        encoder.set_icc_profile(profile).map_err(refused)?;
     }
     let color = match (frame.format.layout, frame.format.bits, frame.format.alpha) {
         (Layout::Gray, 8, false) => ExtendedColorType::L8,
@@ -156,4 +206,22 @@ fn with_metadata(
         encoder.write_image(bytemuck::cast_slice(&pack::<u16>(frame)?), width, height, color)
     };
     written.map_err(StillError::of_encoder)
+}
+
+fn write_webp(frame: &Frame, metadata: Metadata, out: impl Write) -> Result<(), StillError> {
+    let mut encoder = WebPEncoder::new(out);
+    encoder.set_exif_metadata(metadata.exif.unwrap_or_default());
+    encoder.set_icc_profile(metadata.icc.unwrap_or_default());
+    encoder.set_xmp_metadata(metadata.xmp.map(|xmp| xmp.packet).unwrap_or_default());
+    let color = match (frame.format.layout, frame.format.alpha) {
+        (Layout::Gray, false) => ColorType::L8,
+        (Layout::Gray, true) => ColorType::La8,
+        (_, false) => ColorType::Rgb8,
+        (_, true) => ColorType::Rgba8,
+    };
+    let written = encoder.encode(&pack::<u8>(frame)?, frame.width as u32, frame.height as u32, color);
+    written.map_err(|e| match e {
+        EncodingError::IoError(e) => StillError::Write(e),
+        other => StillError::Encode(other.to_string()),
+    })
 }

@@ -5,7 +5,7 @@
 //! adds those of the picture:
 //!
 //! ```text
-//! [EXIF block, its link set to ↓] [strips] [profile] [lists] [first directory]
+//! [EXIF block, its link set to ↓] [strips] [XMP, IPTC, profile] [lists] [first directory]
 //! ```
 //!
 //! Gray with alpha is written as color with alpha: readers of the former are rare.
@@ -17,13 +17,20 @@ use exif::{Context, In, Reader, Tag};
 
 use super::exif::{LONG, Order, SHORT, first_directory};
 use super::packed::{Sample, pack_rows, planes_of};
-use super::{StillError, exif as block};
+use super::save::Metadata;
+use super::{StillError, Xmp, exif as block, iptc};
 use crate::{Frame, Layout};
 
 /// Approximate size of a strip, bytes: large enough to compress, small enough that readers need not hold the picture.
 const STRIP: usize = 1 << 20;
 /// Type of opaque bytes.
 const UNDEFINED: u16 = 7;
+const SAMPLE_FORMAT: u16 = 339;
+/// Value of the former.
+const FLOATING_POINT: u16 = 3;
+const BYTE: u16 = 1;
+const XMP: u16 = 700;
+const IPTC: u16 = 33_723;
 const ICC_PROFILE: u16 = 34_675;
 const DNG_VERSION: u16 = 50_706;
 const SUB_DIRECTORIES: u16 = 330;
@@ -42,6 +49,12 @@ pub(super) struct TiffMetadata {
     pub(super) exif: Option<Vec<u8>>,
     /// ICC profile.
     pub(super) icc: Option<Vec<u8>>,
+    /// XMP.
+    pub(super) xmp: Option<Xmp>,
+    /// IPTC.
+    pub(super) iptc: Option<Vec<u8>>,
+    /// Its samples are floating-point numbers.
+    pub(super) floats: bool,
 }
 
 /// What a TIFF file says beside its pixels, as far as it can be read.
@@ -61,9 +74,24 @@ pub(super) fn metadata(reader: &mut (impl BufRead + Seek), most: u64) -> Result<
     if reduced && has(SUB_DIRECTORIES).is_some() {
         return Err(StillError::Raw("a small picture before the real one".to_owned()));
     }
-    let profile = has(ICC_PROFILE).and_then(|e| bytes.get(e.value(order) as usize..)?.get(..e.count(order) as usize));
-    let icc = profile.map(<[u8]>::to_vec);
-    Ok(TiffMetadata { icc, exif: exif_of(bytes, order) })
+    let content = |tag: u16| {
+        let entry = has(tag)?;
+        let size = if entry.kind(order) == LONG { 4 } else { 1 };
+        let size = (entry.count(order) as usize).checked_mul(size)?;
+        bytes.get(entry.value(order) as usize..)?.get(..size)
+    };
+    let icc = content(ICC_PROFILE).map(<[u8]>::to_vec);
+    let xmp = content(XMP).map(|packet| Xmp { packet: packet.to_vec(), extended: None });
+    let iptc = content(IPTC).and_then(iim);
+    let kinds = has(SAMPLE_FORMAT).and_then(|e| e.first_short(&bytes, order));
+    let floats = kinds == Some(FLOATING_POINT);
+    Ok(TiffMetadata { icc, xmp, iptc, floats, exif: exif_of(bytes, order) })
+}
+
+/// IPTC of its tag. Writers that call it a list of longs may have swapped the bytes of each.
+fn iim(bytes: &[u8]) -> Option<Vec<u8>> {
+    let swapped = || bytes.chunks_exact(4).flat_map(|long| long.iter().rev().copied()).collect::<Vec<u8>>();
+    iptc::of_resources(bytes).or_else(|| iptc::of_resources(&swapped()))
 }
 
 /// EXIF of a whole TIFF file.
@@ -97,17 +125,18 @@ fn order_of(frame: &Frame) -> &'static [usize] {
 /// Writes a frame.
 pub(super) fn encode(
     frame: &Frame,
-    exif: Option<&[u8]>,
-    icc: Option<&[u8]>,
+    Metadata { exif, icc, xmp, iptc }: &Metadata,
     out: impl Write + Seek,
 ) -> Result<(), StillError> {
-    let kept = exif.and_then(|b| first_directory(b).map(|(order, entries)| (b, order, entries)));
+    let kept = exif.as_ref().and_then(|b| first_directory(b).map(|(order, entries)| (b, order, entries)));
     let (base, order, entries) = match kept {
-        Some((bytes, order, entries)) => (bytes.to_vec(), order, entries),
+        Some((bytes, order, entries)) => (bytes.clone(), order, entries),
         None => (b"II*\0\0\0\0\0".to_vec(), Order::Little, Vec::new()),
     };
     let bytes = (frame.width * frame.height * order_of(frame).len()) as u64 * frame.format.bytes_per_sample() as u64;
-    let whole = bytes + (base.len() + icc.map_or(0, <[u8]>::len)) as u64 + (1 << 20);
+    let whole = bytes
+        + (base.len() + [icc, iptc].map(|m| m.as_ref().map_or(0, Vec::len)).iter().sum::<usize>()) as u64
+        + (8 << 20);
     if u32::try_from(whole).is_err() {
         return Err(StillError::Encode(format!("{bytes} bytes of pixels are more than a TIFF file can hold (4 GiB)")));
     }
@@ -122,11 +151,16 @@ pub(super) fn encode(
     } else {
         file.picture::<u16>(frame)?;
     }
-    if let Some(profile) = icc {
-        let at = file.at;
-        file.put(profile)?;
-        file.align()?;
-        file.entry(ICC_PROFILE, UNDEFINED, profile.len() as u32, order.bytes32(at));
+    let packet = xmp.as_ref().map(|xmp| &xmp.packet);
+    for (tag, kind, content) in
+        [(XMP, BYTE, packet), (IPTC, UNDEFINED, iptc.as_ref()), (ICC_PROFILE, UNDEFINED, icc.as_ref())]
+    {
+        if let Some(content) = content.filter(|c| c.len() > 4) {
+            let at = file.at;
+            file.put(content)?;
+            file.align()?;
+            file.entry(tag, kind, content.len() as u32, order.bytes32(at));
+        }
     }
     file.finish()
 }

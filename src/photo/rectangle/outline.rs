@@ -10,8 +10,6 @@
 //!
 //! The result is a raster of blocks: one is inside where all its pixels are.
 
-use nalgebra::{Matrix3, Vector3};
-
 use crate::Line;
 use plumbline_image::Frame;
 use plumbline_image::still::rgb_of_frame;
@@ -35,13 +33,6 @@ const LINE_MARGIN: usize = 2;
 const COLOR_TOLERANCE: u8 = 16;
 /// Dilation of the outside, px: the reach of compression ringing that the mixed edge leaves.
 const RINGING_PX: usize = 2;
-/// Fraction of its bounds that the inside fills above which a crop suffices.
-const MAX_FILL: f64 = 0.985;
-/// Maximum RMS distance of a circular outline from its circle: blocks, and a fraction of the radius. The first covers
-/// quantization to blocks, the second lenses that are not quite round.
-const MAX_CIRCLE_RMS: (f64, f64) = (0.6, 0.005);
-/// Minimum number of outline blocks for a circle fit: fewer lie near a circle by chance.
-const MIN_CIRCLE_BLOCKS: f64 = 12.0;
 
 /// The outline of a picture: a raster of blocks inside and outside.
 #[derive(Clone, Debug)]
@@ -54,7 +45,9 @@ pub struct Outline {
     /// Inside, row-major.
     pub(super) inside: Vec<bool>,
     /// Which sides of the frame are touched by the outside: left, right, top, bottom.
-    touched: [bool; 4],
+    pub(super) touched: [bool; 4],
+    /// How sharply border becomes picture, from 0, fading, to 1, cut.
+    pub(super) step: f64,
 }
 
 impl Outline {
@@ -64,7 +57,7 @@ impl Outline {
         if width < 16 || height < 16 {
             return None;
         }
-        let outside = outside(frame)?;
+        let Outside { outside, difference } = outside(frame)?;
         let touched = touched(&outside, width, height);
         let block = width.max(height).div_ceil(RASTER);
         let (cols, rows) = (width.div_ceil(block), height.div_ceil(block));
@@ -74,8 +67,18 @@ impl Outline {
             let (xs, ys) = (span(k % cols, width), span(k / cols, height));
             ys.into_iter().all(|y| !outside[y * width..][xs.clone()].contains(&true))
         };
-        let mut outline = Self { cols, rows, block, inside: (0..cols * rows).map(whole).collect(), touched };
+        let inside = (0..cols * rows).map(whole).collect();
+        let mut outline = Self { cols, rows, block, inside, touched, step: 1.0 };
         outline.keep_largest_part();
+        if let Some(difference) = difference {
+            outline.step = outline.step_of(|k| {
+                let span = |i: usize, n: usize| i * block..((i + 1) * block).min(n);
+                let (xs, ys) = (span(k % cols, width), span(k / cols, height));
+                let count = xs.len() * ys.len();
+                let sum = ys.flat_map(|y| &difference[y * width..][xs.clone()]).map(|v| f64::from(*v)).sum::<f64>();
+                sum / count as f64
+            });
+        }
         (outline.inside.contains(&true) && outline.inside.contains(&false)).then_some(outline)
     }
 
@@ -84,7 +87,7 @@ impl Outline {
         self.count() as f64 / self.inside.len() as f64
     }
 
-    fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.inside.iter().filter(|inside| **inside).count()
     }
 
@@ -97,42 +100,8 @@ impl Outline {
         })
     }
 
-    /// Whether the picture looks stitched: its outside lies along all sides of the frame, the inside is neither a
-    /// rectangle, for which a crop suffices, nor round.
-    pub fn is_stitched(&self) -> bool {
-        let [x0, y0, x1, y1] = self.bounds();
-        let fills = self.count() as f64 / ((x1 - x0) * (y1 - y0)) as f64;
-        self.touched == [true; 4]
-            && (0.4..MAX_FILL).contains(&fills)
-            && self.inside_fraction() > 0.3
-            && !self.is_round()
-    }
-
-    /// Whether the inside is a disk, possibly cut by the frame: the picture of a fisheye. The blocks along the outline,
-    /// were it in one corner alone, lie on a circle (Kåsa 1976).
-    pub fn is_round(&self) -> bool {
-        let outline: Vec<Vec2> = self.along().collect();
-        let count = outline.len() as f64;
-        if count < MIN_CIRCLE_BLOCKS {
-            return false;
-        }
-        let mean = outline.iter().sum::<Vec2>() / count;
-        let (mut moments, mut moments_rhs) = (Matrix3::zeros(), Vector3::zeros());
-        for p in outline.iter().map(|p| p - mean) {
-            let row = Vector3::new(p.x, p.y, 1.0);
-            moments += row * row.transpose();
-            moments_rhs += row * p.norm_squared();
-        }
-        let Some(solved) = moments.cholesky().map(|c| c.solve(&moments_rhs)) else { return false };
-        let center = mean + solved.xy() / 2.0;
-        let radius = (solved.z + solved.xy().norm_squared() / 4.0).sqrt();
-        let misses = outline.iter().map(|p| ((p - center).norm() - radius).powi(2)).sum::<f64>();
-        let diagonal = (self.cols as f64).hypot(self.rows as f64);
-        (misses / count).sqrt() <= MAX_CIRCLE_RMS.0 + MAX_CIRCLE_RMS.1 * radius && radius < diagonal
-    }
-
     /// Blocks inside that have one outside beside them.
-    fn along(&self) -> impl Iterator<Item = Vec2> {
+    pub(super) fn along(&self) -> impl Iterator<Item = Vec2> {
         let outside = |i: usize, j: usize| i < self.cols && j < self.rows && !self.inside[j * self.cols + i];
         let beside = move |(i, j): (usize, usize)| {
             outside(i.wrapping_sub(1), j) || outside(i + 1, j) || outside(i, j.wrapping_sub(1)) || outside(i, j + 1)
@@ -205,8 +174,16 @@ fn frame_pixels(width: usize, height: usize) -> Vec<usize> {
     level.chain(upright).collect()
 }
 
+/// The surroundings of a picture.
+struct Outside {
+    /// Which pixels are outside.
+    outside: Vec<bool>,
+    /// Largest difference of a channel from the border's color; `None` where the border is transparent.
+    difference: Option<Vec<u8>>,
+}
+
 /// Which pixels are outside.
-fn outside(frame: &Frame) -> Option<Vec<bool>> {
+fn outside(frame: &Frame) -> Option<Outside> {
     let (width, height) = (frame.width, frame.height);
     let around = frame_pixels(width, height);
     let flooded = |joins: &dyn Fn(usize) -> bool| {
@@ -219,14 +196,18 @@ fn outside(frame: &Frame) -> Option<Vec<bool>> {
         outside
     };
     if let Some(clear) = transparent(frame) {
-        return Some(flooded(&|k| clear[k])).filter(|o| o.contains(&true));
+        let outside = flooded(&|k| clear[k]);
+        return outside.contains(&true).then_some(Outside { outside, difference: None });
     }
     let pixels = rgb_of_frame(frame).ok()?;
     let color = border_color(&pixels, &around)?;
+    let furthest = |pixel: &[u8; 3]| pixel.iter().zip(color).map(|(v, c)| v.abs_diff(c)).max().unwrap_or(0);
+    let difference: Vec<u8> = pixels.iter().map(furthest).collect();
+    drop(pixels);
     let share = |o: &[bool]| o.iter().filter(|v| **v).count() as f64 / o.len() as f64;
     let mut found: Option<(f64, Vec<bool>)> = None;
     for tolerance in TOLERANCES {
-        let next = flooded(&|k| pixels[k].iter().zip(color).all(|(v, c)| v.abs_diff(c) <= tolerance));
+        let next = flooded(&|k| difference[k] <= tolerance);
         let taken = share(&next);
         if found.as_ref().is_some_and(|(before, _)| taken > before + MAX_GROWTH) {
             break;
@@ -234,10 +215,8 @@ fn outside(frame: &Frame) -> Option<Vec<bool>> {
         found = Some((taken, next));
     }
     let mut outside = found.map(|(_, outside)| outside).filter(|o| o.contains(&true))?;
-    add_mixed(&mut outside, (width, height), &around, |k| {
-        pixels[k].iter().zip(color).all(|(v, c)| v.abs_diff(c) <= MIXED_TOLERANCE)
-    });
-    Some(outside)
+    add_mixed(&mut outside, (width, height), &around, |k| difference[k] <= MIXED_TOLERANCE);
+    Some(Outside { outside, difference: Some(difference) })
 }
 
 /// Adds mixtures of border and picture: next to the outside, and along the frame, where the picture may leave less than

@@ -165,6 +165,42 @@ fn stitched_pictures_are_distinguished_from_disks_frames_and_photos() {
     assert!(!sky.is_stitched() && !sky.is_round(), "a white sky is no border");
 }
 
+/// A wall whose light falls off towards the corners, down to black beyond a distance from the center; `edge` is the width of the
+/// fall, px.
+fn vignetted(center: (f64, f64), radius: f64, edge: f64) -> Frame {
+    let (w, h) = SIZE;
+    let lit = wall(&|_, _| true);
+    let light = |x: usize, y: usize| {
+        let r = (x as f64 + 0.5 - center.0).hypot((y as f64 + 0.5 - center.1) * 1.4);
+        ((radius - r) / edge).clamp(0.0, 1.0)
+    };
+    let pixels = plumbline_image::still::rgb_of_frame(&lit).expect("a still frame");
+    let dimmed = pixels.iter().enumerate().flat_map(|(k, p)| {
+        let fall = light(k % w, k / w);
+        p.map(|v| (f64::from(v) * fall + 2.0) as u8)
+    });
+    frame_of_rgb(&dimmed.collect::<Vec<u8>>(), w, h).expect("as many as it takes")
+}
+
+#[test]
+fn dark_corners_are_no_border_of_a_stitched_picture_and_a_cut_of_their_shape_is() {
+    for edge in [80.0, 160.0, 300.0] {
+        let dark = Outline::of_frame(&vignetted((330.0, 210.0), 310.0, edge));
+        assert!(dark.is_none_or(|outline| !outline.is_stitched()), "{edge}");
+    }
+    // The same shape, squeezed so that it is no circle, cut off at once.
+    let cut = Outline::of_frame(&vignetted((330.0, 210.0), 310.0, 0.5)).expect("a border");
+    assert!(cut.is_stitched(), "{}", cut.step);
+}
+
+#[test]
+fn a_disk_with_dark_things_at_its_rim_is_a_disk() {
+    let dark = |x: f64, y: f64| (x - 190.0).hypot(y - 100.0) < 30.0 || (x - 490.0).hypot(y - 230.0) < 24.0;
+    let outline = Outline::of_frame(&wall(&|x, y| (x - 320.0).hypot(y - 200.0) < 180.0 && !dark(x, y)));
+    let outline = outline.expect("a border");
+    assert!(outline.is_round() && !outline.is_stitched());
+}
+
 #[test]
 fn a_pale_sky_beside_a_white_border_is_not_taken_for_it() {
     let shown = outlines()[0].1;

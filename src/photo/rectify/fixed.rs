@@ -1,6 +1,6 @@
 //! Closed-form projections: rectilinear, Panini, cylindrical and others.
 
-use nalgebra::Rotation3;
+use nalgebra::{Matrix2, Matrix2x3, Rotation3};
 
 use super::chart::Chart;
 use super::frame::Unframed;
@@ -47,13 +47,21 @@ pub(super) fn unframed(lens: &Lens, projection: &Projection, options: &RectifyOp
 }
 
 /// Pixels of the source per radian at the view's center, or at the picture's center if the view's center is outside the
-/// field.
+/// field: to the right for lenses; for panoramas in the direction in which they resolve least, as they
+/// repeat at their poles what they saw once.
 pub(super) fn density(lens: &Lens, view_from_camera: &Rotation3<f64>) -> f64 {
     let camera_from_view = view_from_camera.inverse();
-    let (axis, right) = (camera_from_view * Vec3::z(), camera_from_view * Vec3::x());
+    let [axis, right, down] = [Vec3::z(), Vec3::x(), Vec3::y()].map(|v| camera_from_view * v);
     // By the derivative: differences would meet the seam of a panorama.
+    let of_slope = |slope: Matrix2x3<f64>| {
+        if lens.projection.is_panoramic() {
+            Matrix2::from_columns(&[slope * right, slope * down]).singular_values().min()
+        } else {
+            (slope * right).norm()
+        }
+    };
     lens.project_with_jacobian(&axis)
-        .map(|(_, slope)| (slope * right).norm())
+        .map(|(_, slope)| of_slope(slope))
         .filter(|d| *d > 0.0 && d.is_finite())
         .unwrap_or(0.5 * (lens.focal.x + lens.focal.y))
 }
@@ -70,4 +78,49 @@ fn within_reach(projection: &Projection, window: Option<Window>) -> Window {
     let all = Window { half_width: f64::MAX, half_height: f64::MAX };
     let wanted = window.unwrap_or(all);
     Window { half_width: wanted.half_width.min(half_width), half_height: wanted.half_height.min(half_height) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rectify::{Crop, RectifyInput, View, rectify};
+    use crate::warp::PhotoWarp;
+    use plumbline_camera::{FieldAxis, FieldOfView};
+    use plumbline_num::run::Run;
+
+    /// A view of a panorama of 2000 px around, at a pitch in degrees.
+    fn view(from: Projection, height: f64, pitch: f64, crop: Crop) -> PhotoWarp {
+        let field = FieldOfView::degrees(360.0, FieldAxis::Horizontal);
+        let lens = Lens::from_field_of_view(from, field, (2000.0, height)).expect("a lens");
+        let options = RectifyOptions {
+            target: crate::rectify::Target::Fixed(Projection::Rectilinear),
+            view: View { pitch: pitch.to_radians(), ..View::default() },
+            window: Some(Window { half_width: 1.0, half_height: 0.9 }),
+            crop,
+            ..RectifyOptions::default()
+        };
+        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], saliency: None };
+        rectify(&input, &options, &Run::default()).expect("a warp")
+    }
+
+    #[test]
+    fn a_view_near_the_pole_of_a_panorama_has_the_pixels_of_one_at_the_horizon() {
+        let level = view(Projection::Equirectangular, 1000.0, 0.0, Crop::Rectangle).size;
+        for pitch in [-89.0, -70.0, 45.0, 80.0] {
+            let near = view(Projection::Equirectangular, 1000.0, pitch, Crop::Rectangle);
+            // The crop is found on a raster: to a hundredth.
+            let off = |a: usize, b: usize| (a as f64 / b as f64 - 1.0).abs();
+            let off = off(near.size.0, level.0).max(off(near.size.1, level.1));
+            assert!(off <= 0.01 && near.bounded_from.is_none(), "{pitch}: {:?} for {level:?}", near.size);
+        }
+    }
+
+    #[test]
+    fn a_view_has_not_many_more_pixels_than_its_panorama() {
+        let near = view(Projection::Mercator, 2000.0, 75.0, Crop::None);
+        let (w, h) = near.size;
+        let natural = near.bounded_from.expect("a Mercator map is dense near its poles");
+        assert!(((w * h) as f64 / 4e6 - 1.0).abs() < 0.01 && natural.0 * natural.1 > 5_000_000, "{w}×{h}, {natural:?}");
+        assert!((w as f64 / h as f64 - natural.0 as f64 / natural.1 as f64).abs() < 0.01, "the shape is kept");
+    }
 }

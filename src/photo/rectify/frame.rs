@@ -17,6 +17,10 @@ const RASTER: usize = 800;
 /// Tolerance for faces at the frame, as a fraction of its longer side: two pixels of the raster.
 const CUT: f64 = 2.0 / RASTER as f64;
 
+/// Pixels of a view per pixel of the panorama above which there are as many as the panorama has: a whole panorama as a cylinder
+/// has 1.1 times as many.
+const MAX_GROWTH: f64 = 1.25;
+
 /// Crop of the output: `"auto"`, `"rectangle"`, `"none"`, or an aspect ratio such as `"3:2"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Crop {
@@ -77,7 +81,7 @@ impl Unframed {
         faces: &[Rect],
         options: &RectifyOptions,
     ) -> Result<PhotoWarp, PhotoError> {
-        let (size, scale) = size(&frame, lens, options)?;
+        let Scaled { size, scale, bounded_from } = size(&frame, lens, options)?;
         let plane_from_out = Matrix2x3::new(1.0 / scale.x, 0.0, frame.min.x, 0.0, 1.0 / scale.y, frame.min.y);
         self.maps.insert(0, Map::Affine(plane_from_out));
         let out_from_plane = move |p: Point2| Point2::from((p - frame.min).component_mul(&scale));
@@ -87,6 +91,7 @@ impl Unframed {
         Ok(PhotoWarp {
             field: WarpField { chain: self.maps },
             size,
+            bounded_from,
             mesh: self.mesh,
             cut_faces: cut_faces(faces, lens, &*forward, size),
             forward,
@@ -175,11 +180,27 @@ fn cut_faces(faces: &[Rect], lens: &Lens, forward: &Forward, size: (usize, usize
     (0..faces.len()).filter(|&k| !whole(&faces[k])).collect()
 }
 
-/// Size of the output, px, and its pixels per unit of the plane along x and y.
-fn size(frame: &Rect, lens: &Lens, options: &RectifyOptions) -> Result<((usize, usize), Vec2), PhotoError> {
+/// Size of an output.
+struct Scaled {
+    /// Width and height, px.
+    size: (usize, usize),
+    /// Pixels per unit of the plane along x and y.
+    scale: Vec2,
+    /// What the size would have been without a bound.
+    bounded_from: Option<(usize, usize)>,
+}
+
+/// Size of the output. Views of panoramas have the density of the source, and not many more pixels than it.
+fn size(frame: &Rect, lens: &Lens, options: &RectifyOptions) -> Result<Scaled, PhotoError> {
+    let mut bounded_from = None;
     let (width, height) = match options.size {
         OutputSize::Exact(w, h) => (w as f64, h as f64),
-        OutputSize::Source if lens.projection.is_panoramic() => (frame.width().round(), frame.height().round()),
+        OutputSize::Source if lens.projection.is_panoramic() => {
+            let growth = frame.width() * frame.height() / (lens.size.0 * lens.size.1);
+            let scale = if growth > MAX_GROWTH { growth.sqrt().recip() } else { 1.0 };
+            bounded_from = (scale < 1.0).then(|| (frame.width() as usize, frame.height() as usize));
+            ((scale * frame.width()).round().max(1.0), (scale * frame.height()).round().max(1.0))
+        }
         OutputSize::Source => (lens.size.0.round(), (frame.height() * lens.size.0.round() / frame.width()).round()),
     };
     check_size(width, height)?;
@@ -188,7 +209,7 @@ fn size(frame: &Rect, lens: &Lens, options: &RectifyOptions) -> Result<((usize, 
         Crop::None => Vec2::repeat((width / frame.width()).min(height / frame.height())),
         _ => Vec2::new(width / frame.width(), height / frame.height()),
     };
-    Ok(((width as usize, height as usize), scale))
+    Ok(Scaled { size: (width as usize, height as usize), scale, bounded_from })
 }
 
 /// Whether an output can have this size.

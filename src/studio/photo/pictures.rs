@@ -113,7 +113,7 @@ pub(super) fn picture(kind: BufferKind, part: Part, frame: &Frame, out: &mut Out
 
 /// The source as JPEG, without what its file says of the camera; the color profile stays.
 pub(super) fn source_jpeg(photo: Photo) -> Result<Vec<u8>, StudioError> {
-    let plain = Photo { exif: None, ..photo };
+    let plain = Photo { icc: photo.icc, ..Photo::new(photo.frame) };
     let mut bytes = std::io::Cursor::new(Vec::new());
     let encoded = encode(&plain, StillFormat::Jpeg, SaveOptions { quality: SOURCE_QUALITY }, &mut bytes);
     encoded.map_err(|e| StudioError::Method(e.to_string()))?;

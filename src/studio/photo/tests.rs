@@ -310,14 +310,7 @@ fn a_pixel_of_the_photo_is_where_its_mark_is_carried_to() {
     let mut samples = vec![0_u8; w * h * 3];
     samples[(y * w + x) * 3..][..3].fill(255);
     let frame = plumbline_image::still::frame_of_rgb(&samples, w, h).expect("a frame");
-    let photo = Photo {
-        frame,
-        exif: None,
-        tags: plumbline_image::still::ExifTags::default(),
-        icc: None,
-        format: None,
-        warnings: Vec::new(),
-    };
+    let photo = Photo::new(frame);
     photo.save(folder.path().join("dot.png")).expect("written");
     let mut bench = Bench::open(folder, "dot.png");
     bench.done(json!({ "do": "set_lens", "lens": "equidistant", "fov": 110.0 }));
@@ -420,14 +413,7 @@ fn a_line_near_an_edge_snaps_onto_it() {
     let (w, h) = (400_usize, 300_usize);
     let samples: Vec<u8> = (0..w * h).flat_map(|k| [if k % w < 200 { 20 } else { 220 }; 3]).collect();
     let frame = plumbline_image::still::frame_of_rgb(&samples, w, h).expect("a frame");
-    let photo = Photo {
-        frame,
-        exif: None,
-        tags: plumbline_image::still::ExifTags::default(),
-        icc: None,
-        format: None,
-        warnings: Vec::new(),
-    };
+    let photo = Photo::new(frame);
     photo.save(folder.path().join("edge.png")).expect("written");
     assert!(rgb_of_frame(&photo.frame).is_ok());
     let mut bench = Bench::open(folder, "edge.png");

@@ -13,7 +13,7 @@ use super::run_error::RunError;
 use crate::report::{ReportFormat, document};
 use crate::stages::files::{cannot, write_whole};
 use crate::stages::photo::still_error;
-use plumbline_image::still::{ExifTags, Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
+use plumbline_image::still::{Photo, SaveOptions, StillFormat, encode, frame_of_rgb};
 use plumbline_num::document::read_text;
 use plumbline_num::files::{AtomicFile, IfExists};
 use plumbline_num::run::Run;
@@ -393,8 +393,7 @@ fn words(report: &Json) -> String {
 fn draw(path: &Path, structures: &Structures<'_>, if_exists: IfExists) -> Result<(), RunError> {
     let canvas = picture::draw(structures);
     let frame = frame_of_rgb(canvas.as_bytes(), canvas.width(), canvas.height()).map_err(|e| still_error(path, &e))?;
-    let tags = ExifTags::default();
-    let photo = Photo { frame, exif: None, tags, icc: None, format: None, warnings: Vec::new() };
+    let photo = Photo::new(frame);
     let mut bytes = std::io::Cursor::new(Vec::new());
     encode(&photo, StillFormat::Png, SaveOptions::default(), &mut bytes).map_err(|e| still_error(path, &e))?;
     write_whole(path, bytes.get_ref(), if_exists)

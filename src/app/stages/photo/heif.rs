@@ -45,8 +45,8 @@ pub(crate) fn load(path: &Path, options: LoadOptions, threads: usize) -> Result<
     if reader.next_frame()?.is_some() {
         warnings.push("more than one picture in it; the first was taken".to_owned());
     }
-    warnings.push("a color profile inside HEIF is not read; colors are taken as sRGB".to_owned());
-    Ok(Photo { frame, exif, tags, icc: None, format: None, warnings })
+    warnings.push("color profile, XMP and gain map inside HEIF are not read; colors are taken as sRGB".to_owned());
+    Ok(Photo { exif, tags, warnings, ..Photo::new(frame) })
 }
 
 /// True where the items of the file are tiles of a larger picture.

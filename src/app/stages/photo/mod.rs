@@ -12,7 +12,7 @@ use crate::pipeline::run_error::RunError;
 use crate::pipeline::sizes::ViewAngles;
 use crate::pipeline::summary::LinesSummary;
 use plumbline_image::feature::Face;
-use plumbline_image::still::{self, LoadOptions, Photo, StillError, flattened};
+use plumbline_image::still::{self, LoadOptions, StillError, flattened};
 use plumbline_image::{Frame, Plane, analysis_luma};
 use plumbline_num::math::Rect;
 use plumbline_num::run::Run;
@@ -22,12 +22,6 @@ use plumbline_photo::{LineReport, PhotoWarp};
 /// Boxes around faces.
 pub(crate) fn rects(faces: Option<&[Face]>) -> Vec<Rect> {
     faces.unwrap_or_default().iter().map(|f| f.rect).collect()
-}
-
-/// Other pixels with what the file said of the picture.
-pub(crate) fn with_pixels(photo: &Photo, frame: Frame) -> Photo {
-    let (exif, icc, tags) = (photo.exif.clone(), photo.icc.clone(), photo.tags.clone());
-    Photo { frame, exif, tags, icc, format: photo.format, warnings: Vec::new() }
 }
 
 /// The map of a picture. Where its natural size is not the one that `wanted` makes of it, it is framed again: only the frame

@@ -4,10 +4,19 @@
 //! blocks, each coded as if it were a picture of its own with the same tables, therefore join to one picture by restart
 //! markers between them and one interval in the header (ITU-T T.81, E.1.4 and F.1.1.5.1).
 
+mod inks;
+mod multi_picture;
+mod segments;
+
 use std::io::Write;
 
 use jpeg_encoder::{ChromaSubsamplingMethod, Encoder, EncodingError, ImageBuffer, JpegColorType, SamplingFactor};
 use rayon::prelude::*;
+
+pub(super) use inks::read_rgb;
+pub(super) use multi_picture::{EncodedMap, gain_map, joined};
+use segments::segment;
+pub(super) use segments::{Found, MAX_EXIF, MAX_IPTC, MAX_XMP, Written, exif_and_profile, found};
 
 use super::save::check_side;
 use super::{StillError, StillFormat};
@@ -20,46 +29,27 @@ const BANDS: usize = 24;
 /// Longest restart interval, blocks.
 const MAX_INTERVAL: usize = 65_535;
 
-/// Segments that are written before the picture.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Metadata<'m> {
-    pub(super) exif: Option<&'m [u8]>,
-    pub(super) icc: Option<&'m [u8]>,
-}
-
-/// A marker segment: its code, where its content begins and ends.
-struct Segment {
-    code: u8,
-    start: usize,
-    end: usize,
-}
-
-/// The segment that begins at or after `at`, where the file goes on so far.
-fn segment(bytes: &[u8], at: usize) -> Option<Segment> {
-    let mut at = at;
-    if *bytes.get(at)? != 0xff {
-        return None;
-    }
-    while *bytes.get(at)? == 0xff {
-        at += 1;
-    }
-    let code = bytes[at];
-    let length = usize::from(u16::from_be_bytes([*bytes.get(at + 1)?, *bytes.get(at + 2)?]));
-    (length >= 2).then_some(Segment { code, start: at + 3, end: at + 1 + length })
-}
-
 /// True for the codes of frame headers.
 fn is_frame(code: u8) -> bool {
     matches!(code, 0xc0..=0xcf) && !matches!(code, 0xc4 | 0xc8 | 0xcc)
 }
 
-/// Width and height of a JPEG file that can be decoded here, px.
+/// What the frame header of a file says.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Head {
+    /// Width and height, px.
+    pub(super) size: (usize, usize),
+    /// Its colors are four inks.
+    pub(super) inks: bool,
+}
+
+/// The head of a JPEG file that can be decoded here.
 ///
 /// # Errors
-/// [`StillError::Cmyk`], [`StillError::Depth`]; [`StillError::Truncated`] for a file that ends before its picture does.
-pub(super) fn check(bytes: &[u8]) -> Result<(u16, u16), StillError> {
+/// [`StillError::Depth`]; [`StillError::Truncated`] for a file that ends before its picture does.
+pub(super) fn check(bytes: &[u8]) -> Result<Head, StillError> {
     let mut at = 2;
-    let mut size = None;
+    let mut head = None;
     loop {
         let Some(s) = segment(bytes, at) else {
             let cut = at + 4 > bytes.len();
@@ -73,27 +63,27 @@ pub(super) fn check(bytes: &[u8]) -> Result<(u16, u16), StillError> {
             return Err(StillError::Truncated);
         }
         if is_frame(s.code) {
-            size = Some(frame_header(s.code, &bytes[s.start..s.end])?);
+            head = Some(frame_header(s.code, &bytes[s.start..s.end])?);
         }
         at = s.end;
         if s.code == 0xda {
             break;
         }
     }
-    let size = size.ok_or_else(|| StillError::Damaged("no picture in it".to_owned()))?;
+    let head = head.ok_or_else(|| StillError::Damaged("no picture in it".to_owned()))?;
     // Coded data escape every 0xff, so that the end of the picture cannot be mistaken.
     let ends = bytes[at..].windows(2).any(|w| w == [0xff, 0xd9]);
-    if ends { Ok(size) } else { Err(StillError::Truncated) }
+    if ends { Ok(head) } else { Err(StillError::Truncated) }
 }
 
-fn frame_header(code: u8, header: &[u8]) -> Result<(u16, u16), StillError> {
+fn frame_header(code: u8, header: &[u8]) -> Result<Head, StillError> {
     let [bits, h1, h0, w1, w0, components, ..] = *header else { return Err(StillError::Truncated) };
+    let side = |high, low| usize::from(u16::from_be_bytes([high, low]));
     match (code, bits, components) {
         (0xc3 | 0xc5..=0xcf, ..) => {
             Err(StillError::Depth("lossless, hierarchical and arithmetic JPEG files".to_owned()))
         }
-        (_, _, 4) => Err(StillError::Cmyk),
-        (_, 8, 1 | 3) => Ok((u16::from_be_bytes([w1, w0]), u16::from_be_bytes([h1, h0]))),
+        (_, 8, 1 | 3 | 4) => Ok(Head { size: (side(w1, w0), side(h1, h0)), inks: components == 4 }),
         (_, 8, n) => Err(StillError::Damaged(format!("{n} components"))),
         (_, bits, _) => Err(StillError::Depth(format!("JPEG files of {bits} bits per sample"))),
     }
@@ -103,7 +93,7 @@ fn frame_header(code: u8, header: &[u8]) -> Result<(u16, u16), StillError> {
 pub(super) fn encode(
     frame: &Frame,
     quality: u8,
-    metadata: Metadata<'_>,
+    metadata: &Written<'_>,
     mut out: impl Write,
 ) -> Result<(), StillError> {
     check_side(frame, StillFormat::Jpeg, 65_500)?;
@@ -118,8 +108,8 @@ pub(super) fn encode(
         .map(|row| Band { planes: &planes, first: row * block, height: (frame.height - row * block).min(rows * block) })
         .collect();
     let coded = bands.into_par_iter().enumerate().map(|(i, band)| {
-        let metadata = if i == 0 { metadata } else { Metadata::default() };
-        band.encode(quality, metadata).map_err(|e| StillError::Encode(e.to_string()))
+        let none = Written::default();
+        band.encode(quality, if i == 0 { metadata } else { &none }).map_err(|e| StillError::Encode(e.to_string()))
     });
     let coded: Vec<Vec<u8>> = coded.collect::<Result<_, _>>()?;
     join(&coded, frame.height as u16, (rows * across) as u16, &mut out)
@@ -173,18 +163,13 @@ struct Band<'p> {
 }
 
 impl Band<'_> {
-    fn encode(self, quality: u8, metadata: Metadata<'_>) -> Result<Vec<u8>, EncodingError> {
+    fn encode(self, quality: u8, metadata: &Written<'_>) -> Result<Vec<u8>, EncodingError> {
         let mut out = Vec::with_capacity(self.planes[0].width() * self.height / 2);
         let mut encoder = Encoder::new(&mut out, quality);
         let full = quality >= FULL_CHROMA || self.planes.len() == 1;
         encoder.set_sampling_factor(if full { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 });
         encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
-        if let Some(block) = metadata.exif {
-            encoder.add_exif_metadata(block)?;
-        }
-        if let Some(profile) = metadata.icc {
-            encoder.add_icc_profile(profile)?;
-        }
+        metadata.add_to(&mut encoder)?;
         encoder.encode_image(self)?;
         Ok(out)
     }
