@@ -239,8 +239,12 @@ fn lengths_beyond_double_precision_are_refused_with_a_remedy() {
     for method in [Method::Arap, Method::Poisson, Method::Laplacian, Method::Primo] {
         match deform(&huge, &handles, &targets, method) {
             Ok(found) => assert!(found.iter().all(|p| p.iter().all(|c| c.is_finite())), "{method:?}"),
-            Err(SurfaceError::Diverged { .. } | SurfaceError::IllConditioned { .. }) => {}
-            Err(SurfaceError::Solve(_) | SurfaceError::NotFinite { .. }) => {}
+            Err(
+                SurfaceError::Diverged { .. }
+                | SurfaceError::IllConditioned { .. }
+                | SurfaceError::Solve(_)
+                | SurfaceError::NotFinite { .. },
+            ) => {}
             Err(other) => panic!("{method:?}: {other}"),
         }
     }
