@@ -254,7 +254,16 @@ fn warp(source: &GridMesh, mesh: GridMesh, size: (usize, usize), iterations: usi
     let field = WarpField { chain: vec![inverse, Map::Radial(Box::new(InPicture { grid, mesh: source.clone() }))] };
     let (back, moved) = (InverseMesh::new(source, cols, rows)?, mesh.clone());
     let forward = Box::new(move |p: Point2| Some(moved.at(grid.locate(back.map(p)?)?)));
-    Ok(PhotoWarp { field, size, mesh, forward, lines: Vec::new(), cut_faces: Vec::new(), iterations })
+    Ok(PhotoWarp {
+        field,
+        size,
+        mesh,
+        forward,
+        lines: Vec::new(),
+        cut_faces: Vec::new(),
+        cut_bodies: Vec::new(),
+        iterations,
+    })
 }
 
 /// From the unit cells of a grid to the picture.
