@@ -62,7 +62,8 @@ fn lines(c: &mut Criterion) {
     let lens = lens();
     for count in [24, 70] {
         let marked = room(&lens, count);
-        let input = |lines| RectifyInput { lens: &lens, lines, faces: &[], saliency: None };
+        let input =
+            |lines| RectifyInput { lens: &lens, lines, soft_lines: &[], found: false, faces: &[], saliency: None };
         let options = RectifyOptions::default();
         let mut view = Rectifier::new(&input(&marked), &options, &Run::default()).expect("a view");
         let there = moved(&marked, 2.0);

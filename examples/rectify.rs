@@ -37,7 +37,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
 
     // The warp is solved on a grid over the viewing sphere; no pixel is touched yet.
-    let picture = RectifyInput { lens: &lens, lines: &lines, faces: &[], saliency: None };
+    let picture =
+        RectifyInput { lens: &lens, lines: &lines, soft_lines: &[], found: false, faces: &[], saliency: None };
     let warp = rectify(&picture, &RectifyOptions::default(), &run)?;
 
     // All pixels are sampled once.

@@ -51,7 +51,7 @@
 //! let lens = read_lens("media/room-kb-125.lens.json".as_ref(), &ExifFacts::default())?.lens;
 //! let marked = LinesFile::read("media/room-kb-125.lines.json".as_ref(), photo.size())?;
 //! let lines: Vec<Line> = marked.in_use().cloned().collect();
-//! let input = RectifyInput { lens: &lens, lines: &lines, faces: &[], saliency: None };
+//! let input = RectifyInput { lens: &lens, lines: &lines, soft_lines: &[], found: false, faces: &[], saliency: None };
 //! let warp = rectify(&input, &RectifyOptions::default(), &Run::default())?;
 //! let straight = photo.rendered(&warp.field, warp.size, &Run::default())?;
 //! straight.save(std::env::temp_dir().join("straight.jpg"))?;

@@ -30,19 +30,22 @@ pub struct PhotoWarp {
     pub forward: Box<Forward>,
     /// The marked lines, in their order.
     pub lines: Vec<LineReport>,
-    /// Indices of the faces that the crop cuts, or whose body, as far as the source shows it.
+    /// Indices of the faces that the crop cuts.
     pub cut_faces: Vec<usize>,
+    /// Indices of the faces below which the crop cuts the body, down to three heights of the face, where the source shows it.
+    pub cut_below: Vec<usize>,
     /// Solves of the energy; 0 where the map has a closed form.
     pub iterations: usize,
 }
 
 impl std::fmt::Debug for PhotoWarp {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { field, size, bounded_from, mesh, lines, cut_faces, iterations, forward: _ } = self;
+        let Self { field, size, bounded_from, mesh, lines, cut_faces, cut_below, iterations, forward: _ } = self;
         let mut s = f.debug_struct("PhotoWarp");
         s.field("field", field).field("size", size).field("mesh", mesh).field("lines", lines);
         s.field("bounded_from", bounded_from)
             .field("cut_faces", cut_faces)
+            .field("cut_below", cut_below)
             .field("iterations", iterations)
             .finish_non_exhaustive()
     }

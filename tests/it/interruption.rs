@@ -325,7 +325,7 @@ fn motion_and_paths_end_with_their_run() {
 fn photos_end_with_their_run() {
     let run = raised();
     let (lens, lines) = (lens(), bent_lines());
-    let input = RectifyInput { lens: &lens, lines: &lines, faces: &[], saliency: None };
+    let input = RectifyInput { lens: &lens, lines: &lines, soft_lines: &[], found: false, faces: &[], saliency: None };
     let luma = Plane::from_fn(640, 480, |x, y| ((x / 40 + y / 40) % 2 * 200) as f32);
     let (frame, shown) = holed(96);
     let mut filled = holed(96).0;
@@ -417,7 +417,7 @@ fn long_calls_end_midway_and_soon() {
 #[test]
 fn an_interrupted_rectifier_keeps_its_last_solve() {
     let (lens, lines) = (lens(), bent_lines());
-    let input = RectifyInput { lens: &lens, lines: &lines, faces: &[], saliency: None };
+    let input = RectifyInput { lens: &lens, lines: &lines, soft_lines: &[], found: false, faces: &[], saliency: None };
     let mut view = Rectifier::new(&input, &RectifyOptions::default(), &Run::default()).expect("a view");
     let before = view.sheet().clone();
     stops_midway("rectification", |run| stops!(view.solve(&lines[..3], run), PhotoError));

@@ -135,6 +135,7 @@ mod tests {
             forward,
             lines: Vec::new(),
             cut_faces: Vec::new(),
+            cut_below: Vec::new(),
             iterations: 0,
         };
         let [x, y] = positions(&warp);

@@ -85,7 +85,8 @@ impl Stage for LensUndistortSettings {
         let found =
             clip_lens(&self.lens, self.fov, self.fov_axis, (video.width, video.height), || focal_px_of(&input))?;
         found.warnings.into_iter().for_each(|w| context.warn(w));
-        let input = RectifyInput { lens: &found.lens, lines: &[], faces: &[], saliency: None };
+        let input =
+            RectifyInput { lens: &found.lens, lines: &[], soft_lines: &[], found: false, faces: &[], saliency: None };
         let even = |natural| {
             let wanted = self.size.map_or(natural, |size| size.pixels(natural));
             even_size((wanted.0 as f64, wanted.1 as f64), &video)
@@ -175,7 +176,7 @@ mod tests {
     fn undistorted() -> Undistorted {
         let fov = FieldOfView::degrees(110.0, FieldAxis::Horizontal);
         let lens = Lens::from_field_of_view(Projection::Equidistant, fov, (640.0, 360.0)).expect("a lens");
-        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], saliency: None };
+        let input = RectifyInput { lens: &lens, lines: &[], soft_lines: &[], found: false, faces: &[], saliency: None };
         let target = Target::Fixed(Projection::Rectilinear);
         let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
         Undistorted::new(rectify(&input, &options, &Run::default()).expect("a map"), (640, 360))

@@ -1,6 +1,6 @@
 //! `lines.detect`: finds lines that are straight in the world.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::photo::gray_levels;
 use super::photo::lens::{self, LensRequest};
@@ -9,10 +9,13 @@ use super::values::LineSet;
 use plumbline_camera::{FieldAxis, Lens};
 use plumbline_image::still::Photo;
 use plumbline_image::{Frame, Plane};
-use plumbline_num::math::Point2;
+use plumbline_num::math::{Point2, Rect};
 use plumbline_num::run::Run;
 use plumbline_photo::Line;
-use plumbline_photo::line_detection::{LineDetectionOptions, detect_lines};
+use plumbline_photo::line_detection::{
+    DetectedLine, LineDetectionOptions, continued, detect_lines, followed, off_faces, unmarked,
+};
+use plumbline_photo::rectify::SoftLine;
 
 /// Settings of `lines.detect`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -79,13 +82,22 @@ pub struct LineSearch {
     levels: Plane<f32>,
     /// Of the picture, px.
     size: (f64, f64),
+    /// What was found last, and under which lens: settings and marks change more often.
+    last: Arc<Mutex<Option<LastSearch>>>,
+}
+
+/// What a search found.
+#[derive(Clone, Debug)]
+struct LastSearch {
+    lens: Option<Lens>,
+    lines: Vec<DetectedLine>,
 }
 
 impl LineSearch {
     /// Of a picture; `None` where its memory does not hold its planes.
     pub fn of(frame: &Frame) -> Option<Self> {
         let levels = gray_levels(frame, MAX_SIDE_PX)?;
-        Some(Self { levels, size: (frame.width as f64, frame.height as f64) })
+        Some(Self { levels, size: (frame.width as f64, frame.height as f64), last: Arc::default() })
     }
 
     /// The gray levels, 0 to 255, smaller than the picture where that is large.
@@ -103,6 +115,47 @@ impl LineSearch {
     /// # Errors
     /// [`RunError::Interrupted`].
     pub fn lines(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<Line>, RunError> {
+        Ok(self.detected(lens, run)?.into_iter().map(|detected| detected.line).collect())
+    }
+
+    /// What a map is made of: marked or found lines over their whole visible length, and beside marked ones those that nobody marked,
+    /// as soft constraints. Edges on faces are no lines, unless they were marked.
+    ///
+    /// # Errors
+    /// [`RunError::Interrupted`].
+    pub fn constraints(
+        &self,
+        (lines, found): (Vec<Line>, bool),
+        lens: &Lens,
+        faces: &[Rect],
+        run: &Run,
+    ) -> Result<Constraints, RunError> {
+        let given = if found { off_faces(lines, faces) } else { lines };
+        let lines = continued(&given, lens, self.levels.as_ref());
+        if found || lines.is_empty() {
+            return Ok(Constraints { lines, soft: Vec::new() });
+        }
+        run.check()?;
+        let mut found = self.detected(Some(lens), run)?;
+        found.retain(|detected| !off_faces(vec![detected.line.clone()], faces).is_empty());
+        let courses: Vec<Line> = found.iter().map(|detected| detected.line.clone()).collect();
+        let courses = followed(&courses, lens, self.levels.as_ref());
+        found.iter_mut().zip(courses).for_each(|(detected, line)| detected.line = line);
+        let soft = unmarked(&found, &lines, lens);
+        Ok(Constraints { lines, soft })
+    }
+
+    fn detected(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<DetectedLine>, RunError> {
+        let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = last().as_ref().filter(|known| known.lens.as_ref() == lens) {
+            return Ok(known.lines.clone());
+        }
+        let lines = self.searched(lens, run)?;
+        *last() = Some(LastSearch { lens: lens.cloned(), lines: lines.clone() });
+        Ok(lines)
+    }
+
+    fn searched(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<DetectedLine>, RunError> {
         // A picture of few pixels across is of another shape when it is small, and shows no lines.
         let size = (self.levels.width() as f64, self.levels.height() as f64);
         let Ok(small) = lens.map(|lens| lens.resized(size)).transpose() else { return Ok(Vec::new()) };
@@ -112,6 +165,16 @@ impl LineSearch {
         // Of what lies between the ends the lens determines all. More points would be taken for measurements of it, once they
         // are saved and read back.
         let ends = |points: &[Point2]| points.first().into_iter().chain(points.last()).map(at).collect();
-        Ok(detection.lines.into_iter().map(|d| Line { points: ends(&d.line.points), ..d.line }).collect())
+        let of_ends = |d: DetectedLine| DetectedLine { line: Line { points: ends(&d.line.points), ..d.line }, ..d };
+        Ok(detection.lines.into_iter().map(of_ends).collect())
     }
+}
+
+/// The lines that a map is made of.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Constraints {
+    /// Those to be straight, in the order in which they were given.
+    pub lines: Vec<Line>,
+    /// Those that nobody marked.
+    pub soft: Vec<SoftLine>,
 }

@@ -4,18 +4,17 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
+use super::lines_detect::{Constraints, LineSearch};
 use super::photo::lens::{self, LensRequest, lens_file};
-use super::photo::{gray_levels, rectangle, rectified, rects, report_lines, view};
+use super::photo::{rectangle, rectified, rects, report_lines, view};
 use super::prelude::*;
 use super::values::{LineSet, PhotoMap};
 use crate::pipeline::sizes::{PictureSize, TargetSize, ViewAngles, ViewField};
 use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
-use plumbline_photo::PhotoWarp;
-use plumbline_photo::line_detection::off_faces;
-use plumbline_photo::measure_straightness;
 use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, Window};
+use plumbline_photo::{PhotoWarp, measure_straightness};
 
 /// Settings of `photo.rectify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -96,32 +95,38 @@ impl Stage for PhotoRectifySettings {
     ) -> Result<Self::Output, RunError> {
         let set = LineSet::all(lines);
         let faces = rects(faces.as_deref());
-        let lines = if set.found { off_faces(set.lines, &faces) } else { set.lines };
         // The lens: of the lines, or found. Without one a stitched picture becomes a rectangle.
-        let found = match set.lens {
-            Some(found) => Some(found),
-            None => lens::find_unless_stitched(&photo, &lines, LensRequest::of_rectify(self), &context.job.run())?
+        let found = match &set.lens {
+            Some(found) => Some(Arc::clone(found)),
+            None => lens::find_unless_stitched(&photo, &set.lines, LensRequest::of_rectify(self), &context.job.run())?
                 .map(Arc::new),
         };
         let Some(found) = found else {
             let note = "no lens is known, and the picture looks stitched: its irregular border was made a rectangle";
             context.warn(note.to_owned());
-            return Ok((Arc::new(rectangle::make(context, &photo, &lines, &faces, self.rectangle_size())?),));
+            return Ok((Arc::new(rectangle::make(context, &photo, &set.lines, &faces, self.rectangle_size())?),));
         };
         found.warnings.iter().for_each(|w| context.warn(w.clone()));
         context.job.check_cancel()?;
         // The map, in a size that may depend on that of the result.
+        let search = LineSearch::of(&photo.frame);
+        let Constraints { lines, soft } = match &search {
+            Some(search) => search.constraints((set.lines, set.found), &found.lens, &faces, &context.job.run())?,
+            None => Constraints { lines: set.lines, soft: Vec::new() },
+        };
         let input = RectifyInput {
             lens: &found.lens,
             lines: &lines,
+            soft_lines: &soft,
+            found: set.found,
             faces: &faces,
             saliency: importance.as_ref().map(|i| i.plane()),
         };
         let wanted = |natural| self.size.map_or(natural, |size| size.pixels(natural));
         let mut warp = rectified(&input, &options(self, &found.lens), wanted, &context.job.run())?;
-        if let Some(levels) = gray_levels(&photo.frame, MEASURED_SIDE_PX) {
+        if let Some(search) = &search {
             let size = (photo.frame.width, photo.frame.height);
-            measure_straightness(&mut warp, &lines, Some(&found.lens), levels.as_ref(), size);
+            measure_straightness(&mut warp, &lines, Some(&found.lens), search.levels().as_ref(), size);
         }
         context.job.check_cancel()?;
         // The summary and the report.
@@ -133,7 +138,7 @@ impl Stage for PhotoRectifySettings {
         }
         report_lines(context, &warp.lines, &[]);
         warn_of_bound(context, &warp);
-        warn_of_cut_faces(context, &warp.cut_faces);
+        warn_of_cut_people(context, &warp);
         let mut report = Map::new();
         report.insert("source_shown".into(), json!(context.summary.source_shown));
         let lens = &found.lens;
@@ -153,9 +158,6 @@ impl Stage for PhotoRectifySettings {
     }
 }
 
-/// Longest side of the gray levels on which the result is measured, px.
-const MEASURED_SIDE_PX: usize = 2000;
-
 /// What a view of a panorama shows unless said otherwise.
 const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
 
@@ -170,14 +172,17 @@ fn warn_of_bound(context: &mut Context<'_, '_>, warp: &PhotoWarp) {
     }
 }
 
-/// Says which faces the crop could not keep.
-fn warn_of_cut_faces(context: &mut Context<'_, '_>, cut: &[usize]) {
-    if !cut.is_empty() {
-        let numbers: Vec<String> = cut.iter().map(|k| (k + 1).to_string()).collect();
-        context.warn(format!(
-            "the output does not show all of face {}: no such rectangle contains all faces; --crop none keeps them",
-            numbers.join(", ")
-        ));
+/// Says which faces the crop could not keep, and below which it cuts the body.
+fn warn_of_cut_people(context: &mut Context<'_, '_>, warp: &PhotoWarp) {
+    let bodies: Vec<usize> = warp.cut_below.iter().copied().filter(|k| !warp.cut_faces.contains(k)).collect();
+    for (cut, what) in [(&warp.cut_faces, "face"), (&bodies, "the body below face")] {
+        if !cut.is_empty() {
+            let numbers: Vec<String> = cut.iter().map(|k| (k + 1).to_string()).collect();
+            context.warn(format!(
+                "the output does not show all of {what} {}: no such rectangle contains all people; --crop none keeps them",
+                numbers.join(", ")
+            ));
+        }
     }
 }
 

@@ -57,10 +57,11 @@ pub struct LineSet {
 impl LineSet {
     /// The lines of all sets, and the first lens under which any were found.
     pub(crate) fn all(sets: Vec<Self>) -> Self {
-        let mut all = Self::default();
+        let mut all = Self { found: true, ..Self::default() };
         for set in sets {
             all.lines.extend(set.lines);
             all.lens = all.lens.or(set.lens);
+            all.found &= set.found;
         }
         all
     }

@@ -14,11 +14,13 @@
 //! Without a lens the photo is the view, and is taken as a perspective one.
 
 mod arc;
+mod continuation;
 mod curves;
 mod select;
 mod snap;
 #[cfg(test)]
 mod tests;
+mod unmarked;
 mod vanishing;
 mod view;
 
@@ -33,8 +35,10 @@ use plumbline_image::feature::segments;
 use plumbline_num::math::{Point2, Rect, Vec2};
 use plumbline_num::run::{Run, Stopped};
 
+pub use continuation::{continued, followed};
 pub use curves::curves;
 pub use snap::snapped;
+pub use unmarked::unmarked;
 
 use arc::Arc;
 use vanishing::Directions;

@@ -256,7 +256,8 @@ fn what_is_reported_of_straightness_is_what_the_result_shows() {
     for factor in [1.0, 1.2, 0.85] {
         let wrong = Lens { focal: room.lens.focal * factor, ..room.lens.clone() };
         let options = RectifyOptions { target: Target::Fixed(Projection::Rectilinear), ..RectifyOptions::default() };
-        let input = RectifyInput { lens: &wrong, lines: &truth, faces: &[], saliency: None };
+        let input =
+            RectifyInput { lens: &wrong, lines: &truth, soft_lines: &[], found: false, faces: &[], saliency: None };
         let mut warp = rectify(&input, &options, &Run::default()).expect("a warp");
         crate::measure_straightness(&mut warp, &truth, Some(&wrong), photo.as_ref(), (640, 480));
         let measured = warp.lines.iter().filter_map(|l| l.edge).map(|e| e.max_px).fold(0.0, f64::max);
@@ -271,4 +272,51 @@ fn what_is_reported_of_straightness_is_what_the_result_shows() {
         assert!((measured - real).abs() < 0.3 * real.max(2.5), "focal × {factor}: {measured} px, in truth {real} px");
         assert!(factor == 1.0 || real > 3.0, "focal × {factor} bends by {real} px");
     }
+}
+
+#[test]
+fn lines_marked_short_are_continued_as_far_as_their_edges_go_and_no_farther() {
+    let room = Room::new(Projection::Equidistant, 130.0, 8.0);
+    let photo = room.photo();
+    let found: Vec<DetectedLine> = room.detect().lines.into_iter().filter(|l| l.length_px > 200.0).collect();
+    assert!(found.len() > 8);
+    let short = |l: &DetectedLine| {
+        let whole = l.line.course(Some(&room.lens), 40);
+        Line { points: whole[whole.len() / 3..2 * whole.len() / 3].to_vec(), ..l.line.clone() }
+    };
+    let marked: Vec<Line> = found.iter().map(short).collect();
+    let length = |points: &[Point2]| points.windows(2).map(|p| (p[1] - p[0]).norm()).sum::<f64>();
+    let whole = continued(&marked, &room.lens, photo.as_ref());
+    let gained = whole.iter().zip(&marked).filter(|(w, m)| length(&w.points) > 1.8 * length(&m.points)).count();
+    assert!(4 * gained > 3 * found.len(), "{gained} of {} lines", found.len());
+    for (line, marks) in whole.iter().zip(&marked) {
+        let rays: Vec<Vec3> = [marks, line]
+            .iter()
+            .flat_map(|l| [l.points[0], l.points[l.points.len() - 1]])
+            .filter_map(|p| room.lens.unproject(p))
+            .collect();
+        let normal = rays[0].cross(&rays[1]).normalize();
+        let off = rays[2..].iter().map(|r| normal.dot(r).abs() * room.lens.focal.x).fold(0.0, f64::max);
+        assert!(off < 2.0, "{}: {off} px off the circle of its marks", line.name);
+    }
+    // Under a lens that is wrong the edges leave the circles of the marks: they are followed less far.
+    let wrong = Lens { focal: room.lens.focal * 1.6, ..room.lens.clone() };
+    let less = continued(&marked, &wrong, photo.as_ref());
+    let total = |lines: &[Line]| lines.iter().map(|l| length(&l.points)).sum::<f64>();
+    assert!(total(&less) < 0.8 * total(&whole), "{} of {}", total(&less), total(&whole));
+    // Where nothing is to be seen, nothing is continued.
+    let blank = Plane::from_fn(640, 480, |_, _| 128.0);
+    assert_eq!(continued(&marked, &room.lens, blank.as_ref()), marked);
+}
+
+#[test]
+fn found_lines_along_marked_ones_are_not_found_again() {
+    let room = Room::new(Projection::Equidistant, 120.0, 8.0);
+    let found = room.detect().lines;
+    let marked: Vec<Line> = found.iter().step_by(2).map(|l| l.line.clone()).collect();
+    let soft = unmarked(&found, &marked, &room.lens);
+    assert!(soft.len() < found.len() - marked.len() + 1 && soft.len() > found.len() / 3, "{}", soft.len());
+    assert!(soft.iter().all(|l| l.weight > 0.0 && l.weight <= 1e-2));
+    assert!(soft.iter().all(|l| marked.iter().all(|m| m.points != l.points)));
+    assert_eq!(unmarked(&found, &[], &room.lens).len(), found.len());
 }

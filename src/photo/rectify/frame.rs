@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix2x3;
 
-use super::{RectifyOptions, empty_view};
+use super::{RectifyOptions, empty_view, people};
 use crate::PhotoError;
 use crate::aspect_ratio::AspectRatio;
 use crate::crop::Coverage;
@@ -88,12 +88,19 @@ impl Unframed {
         self.mesh.vertices.iter_mut().for_each(|v| *v = out_from_plane(*v));
         let forward = self.forward;
         let forward: Box<Forward> = Box::new(move |p| forward(p).map(out_from_plane));
+        let picture = Rect::of_size(lens.size.0, lens.size.1);
+        let cut = |regions: &[Option<Rect>]| people::cut(regions, &picture, &*forward, size, CUT);
+        let (cut_faces, cut_below) = (
+            cut(&faces.iter().copied().map(Some).collect::<Vec<_>>()),
+            cut(&faces.iter().map(|face| people::body(face, &picture)).collect::<Vec<_>>()),
+        );
         Ok(PhotoWarp {
             field: WarpField { chain: self.maps },
             size,
             bounded_from,
             mesh: self.mesh,
-            cut_faces: cut_faces(faces, lens, &*forward, size),
+            cut_faces,
+            cut_below,
             forward,
             lines: Vec::new(),
             iterations: 0,
@@ -130,54 +137,15 @@ impl Unframed {
         // Pixels of the raster that the border cuts are not covered.
         let inset = Vec2::repeat(pixel);
         let inner = |r: Rect| Rect { min: r.min + inset, max: r.max - inset };
-        let mut shown: Vec<Rect> =
-            faces.iter().filter_map(|face| outline(face, &picture, &*self.forward).map(inner)).collect();
-        if shown.iter().all(|face| within(face, &whole)) {
+        let seen = |region: &Rect| people::outline(region, &picture, &*self.forward).map(inner);
+        let mut shown: Vec<Rect> = faces.iter().filter_map(seen).collect();
+        let bodies = faces.iter().filter_map(|face| people::body(face, &picture));
+        let mut bodies: Vec<Rect> = bodies.filter_map(|body| seen(&body)).collect();
+        if shown.iter().chain(&bodies).all(|region| people::within(region, &whole)) {
             return Some(whole);
         }
-        Some(around_faces(&mut shown, largest).unwrap_or(whole))
+        Some(people::around(&mut shown, &mut bodies, largest).unwrap_or(whole))
     }
-}
-
-/// Points along each side of a face at which its outline is mapped.
-const FACE_POINTS: usize = 9;
-
-/// Bounds of the part of a face that the picture has, under a map; `None` where the map does not show all of it.
-fn outline(face: &Rect, picture: &Rect, forward: &Forward) -> Option<Rect> {
-    let part = Rect { min: face.min.sup(&picture.min), max: face.max.inf(&picture.max) };
-    if !(part.width() > 0.0 && part.height() > 0.0) {
-        return None;
-    }
-    let at = |k: usize| k as f64 / (FACE_POINTS - 1) as f64;
-    let mut points = (0..FACE_POINTS * FACE_POINTS).map(|k| forward(part.at(at(k % FACE_POINTS), at(k / FACE_POINTS))));
-    let first = points.next()??;
-    points.try_fold(Rect { min: first, max: first }, |b, p| Some(Rect { min: b.min.inf(&p?), max: b.max.sup(&p?) }))
-}
-
-/// The largest rectangle that contains faces, added greedily by size; `None` if it can contain none.
-fn around_faces(faces: &mut [Rect], largest: impl Fn(Option<&Rect>) -> Option<Rect>) -> Option<Rect> {
-    faces.sort_by(|a, b| (b.width() * b.height()).total_cmp(&(a.width() * a.height())));
-    let mut best: Option<(Rect, Rect)> = None;
-    for face in faces {
-        let kept = best.map_or(*face, |(kept, _)| Rect { min: kept.min.inf(&face.min), max: kept.max.sup(&face.max) });
-        if let Some(found) = largest(Some(&kept)) {
-            best = Some((kept, found));
-        }
-    }
-    best.map(|(_, found)| found)
-}
-
-fn within(inner: &Rect, outer: &Rect) -> bool {
-    inner.min.x >= outer.min.x && inner.min.y >= outer.min.y && inner.max.x <= outer.max.x && inner.max.y <= outer.max.y
-}
-
-/// Indices of the faces that the crop cuts.
-fn cut_faces(faces: &[Rect], lens: &Lens, forward: &Forward, size: (usize, usize)) -> Vec<usize> {
-    let picture = Rect::of_size(lens.size.0, lens.size.1);
-    let grown = Vec2::repeat(CUT * size.0.max(size.1) as f64);
-    let frame = Rect { min: Point2::from(-grown), max: Point2::new(size.0 as f64, size.1 as f64) + grown };
-    let whole = |face: &Rect| outline(face, &picture, forward).is_some_and(|shown| within(&shown, &frame));
-    (0..faces.len()).filter(|&k| !whole(&faces[k])).collect()
 }
 
 /// Size of an output.

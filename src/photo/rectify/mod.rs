@@ -8,10 +8,12 @@
 //! R. Carroll, M. Agrawala, A. Agarwala, *Optimizing content-preserving projections for wide-angle images*, ACM Trans. Graph.
 //! (SIGGRAPH) 28 (2009).
 
+mod attempt;
 mod chart;
 mod fixed;
 mod frame;
 mod notation;
+mod people;
 mod rectifier;
 mod solver;
 mod sphere_grid;
@@ -30,7 +32,7 @@ use super::warp::PhotoWarp;
 use super::{Line, PhotoError, report};
 use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::Plane;
-use plumbline_num::math::Rect;
+use plumbline_num::math::{Point2, Rect};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 /// The projection of the output: `"optimized"`, `"perspective"`, `"panini:0.8"` …
@@ -105,10 +107,24 @@ pub struct RectifyInput<'a> {
     pub lens: &'a Lens,
     /// Lines to make straight, source px.
     pub lines: &'a [Line],
+    /// Lines that shall not bend more than they must, source px: they are no part of the report.
+    pub soft_lines: &'a [SoftLine],
+    /// The lines were found, not marked: their orientations are given up where the crop would otherwise cut people, or show
+    /// less than 85 % of the source.
+    pub found: bool,
     /// Faces whose shape is preserved, source px.
     pub faces: &'a [Rect],
     /// Saliency of the whole picture at any resolution, in [0, 1].
     pub saliency: Option<&'a Plane<f32>>,
+}
+
+/// A line that nobody marked, found in the picture: it may bend where marked lines, faces or shapes need it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SoftLine {
+    /// Its course; of any orientation in the output.
+    pub points: Vec<Point2>,
+    /// Weight of its straightness relative to that of a marked line, above 0.
+    pub weight: f64,
 }
 
 /// The warp that rectifies a picture.

@@ -4,12 +4,13 @@
 //! solves: [`Rectifier::follow`] starts from the last solution on the full grid and keeps a free border free, and a straight
 //! one straight unless it folds, so that the picture does not jump.
 
+use super::attempt::{Attempt, Loss};
 use super::frame::{Crop, OutputSize, Unframed};
 use super::solver::{Folding, Sheet, halved};
 use super::sphere_grid::{SphereGrid, chart_for};
 use super::straight::{GridLine, sides};
 use super::weights::{CellWeights, FaceTarget};
-use super::{RectifyInput, RectifyOptions, check, empty_view, fixed};
+use super::{RectifyInput, RectifyOptions, SoftLine, check, empty_view, fixed};
 use crate::{Line, PhotoError, PhotoWarp, report};
 use plumbline_camera::Lens;
 use plumbline_image::grid::GridMesh;
@@ -23,6 +24,9 @@ pub struct Rectifier {
     lens: Lens,
     options: RectifyOptions,
     faces: Vec<Rect>,
+    soft: Vec<SoftLine>,
+    /// The lines were found.
+    found: bool,
     coarse: Sheet,
     fine: Sheet,
     /// The sides of the picture on both grids, if the border may become straight.
@@ -35,8 +39,7 @@ pub struct Rectifier {
 struct Solved {
     lines: Vec<Line>,
     sheet: GridMesh,
-    /// The border is straight.
-    border: bool,
+    attempt: Attempt,
     iterations: usize,
 }
 
@@ -62,7 +65,9 @@ impl Rectifier {
         };
         let (coarse, fine) = (sheet(coarse)?, sheet(fine)?);
         let (lens, options, faces) = (lens.clone(), options.clone(), input.faces.to_vec());
-        let mut rectifier = Self { lens, options, faces, coarse, fine, sides, solved: None };
+        let soft = input.soft_lines.to_vec();
+        let found = input.found;
+        let mut rectifier = Self { lens, options, faces, soft, found, coarse, fine, sides, solved: None };
         run.check()?;
         rectifier.solve(input.lines, run)?;
         Ok(rectifier)
@@ -74,19 +79,40 @@ impl Rectifier {
     /// [`PhotoError::Energy`] for lines that are not finite; [`PhotoError::Interrupted`]; the last solution is
     /// kept.
     pub fn solve(&mut self, lines: &[Line], run: &Run) -> Result<(), PhotoError> {
-        let mut iterations = 0;
-        let mut found = None;
-        if self.sides.is_some() {
-            found = self.solve_with(lines, true, &mut iterations, run)?;
-        }
-        let border = found.is_some();
-        let sheet = match found {
-            Some(sheet) => sheet,
-            // The straight border folds: solve with a free one.
-            None => self.solve_with(lines, false, &mut iterations, run)?.expect("folds are held"),
+        let before = self.solved.take();
+        let solved = self.best(lines, run);
+        let (solved, error) = match solved {
+            Ok(solved) => (Some(solved), None),
+            Err(error) => (before, Some(error)),
         };
-        self.solved = Some(Solved { lines: lines.to_vec(), sheet, border, iterations });
-        Ok(())
+        self.solved = solved;
+        error.map_or(Ok(()), Err)
+    }
+
+    /// The first solution whose crop loses nothing that matters, or the one that loses least.
+    fn best(&mut self, lines: &[Line], run: &Run) -> Result<Solved, PhotoError> {
+        let mut iterations = 0;
+        let mut best: Option<(Loss, Solved)> = None;
+        for attempt in Attempt::all(self.sides.is_some(), self.found) {
+            let lines = attempt.oriented(lines, self.found);
+            let Some(sheet) = self.solve_with(&lines, attempt, &mut iterations, run)? else { continue };
+            self.solved = Some(Solved { lines, sheet, attempt, iterations });
+            // Without a crop, or with one that leaves no choice, nothing else is tried.
+            let whole = attempt == Attempt::Straight || self.sides.is_none();
+            let loss = if whole { None } else { Some(self.loss()).filter(|loss| !loss.is_none()) };
+            let solved = self.solved.take().expect("set above");
+            let Some(loss) = loss else { return Ok(Solved { iterations, ..solved }) };
+            if best.as_ref().is_none_or(|(least, _)| loss.is_less_than(*least)) {
+                best = Some((loss, solved));
+            }
+        }
+        let (_, solved) = best.expect("a free border is always solved");
+        Ok(Solved { iterations, ..solved })
+    }
+
+    fn loss(&self) -> Loss {
+        let asked = matches!(self.options.crop, Crop::Aspect(_)) || matches!(self.options.size, OutputSize::Exact(..));
+        self.warp().map_or(Loss::ALL, |warp| Loss::of(&warp, self.lens.size, asked))
     }
 
     /// Solves for lines that have moved little, starting from the last solution. A straight border becomes free where the grid would
@@ -96,17 +122,19 @@ impl Rectifier {
     /// As [`Self::solve`].
     pub fn follow(&mut self, lines: &[Line], run: &Run) -> Result<(), PhotoError> {
         let Some(solved) = &self.solved else { return self.solve(lines, run) };
-        let (before, mut border) = (solved.sheet.clone(), solved.border);
-        let followed = |rectifier: &mut Self, border: bool| {
-            let on_grid = rectifier.on_grid(lines, &rectifier.fine.sphere, border.then_some(1));
-            rectifier.fine.follow(&on_grid, &before, folding(border), run)
+        let (before, mut attempt) = (solved.sheet.clone(), solved.attempt);
+        let followed = |rectifier: &mut Self, attempt: Attempt| {
+            let lines = attempt.oriented(lines, rectifier.found);
+            let on_grid = rectifier.on_grid(&lines, &rectifier.fine.sphere, 1, attempt);
+            rectifier.fine.follow(&on_grid, &before, folding(attempt), run)
         };
-        let (mut sheet, mut report) = followed(self, border)?;
-        if border && report.folded {
-            border = false;
-            (sheet, report) = followed(self, border)?;
+        let (mut sheet, mut report) = followed(self, attempt)?;
+        if report.folded && folding(attempt) == Folding::Refused {
+            attempt = Attempt::Free;
+            (sheet, report) = followed(self, attempt)?;
         }
-        self.solved = Some(Solved { lines: lines.to_vec(), sheet, border, iterations: report.iterations });
+        let lines = attempt.oriented(lines, self.found);
+        self.solved = Some(Solved { lines, sheet, attempt, iterations: report.iterations });
         Ok(())
     }
 
@@ -162,26 +190,32 @@ impl Rectifier {
         self.solved.as_ref().expect("solved when made")
     }
 
-    /// The sheet with a straight border or without; `None` where the straight one folds.
+    /// The sheet of an attempt; `None` where it folds and another remains.
     fn solve_with(
         &mut self,
         lines: &[Line],
-        border: bool,
+        attempt: Attempt,
         iterations: &mut usize,
         run: &Run,
     ) -> Result<Option<GridMesh>, PhotoError> {
-        let on_coarse = self.on_grid(lines, &self.coarse.sphere, border.then_some(0));
-        let on_fine = self.on_grid(lines, &self.fine.sphere, border.then_some(1));
+        let on_coarse = self.on_grid(lines, &self.coarse.sphere, 0, attempt);
+        let on_fine = self.on_grid(lines, &self.fine.sphere, 1, attempt);
         let (initial, first) = self.coarse.solve(&on_coarse, None, Folding::Held, run)?;
-        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&initial)), folding(border), run)?;
+        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&initial)), folding(attempt), run)?;
         *iterations += first.iterations + last.iterations;
-        Ok((!border || !last.folded).then_some(sheet))
+        Ok((folding(attempt) == Folding::Held || !last.folded).then_some(sheet))
     }
 
-    /// Lines on a grid, preceded by the sides of the picture if they are to be straight.
-    fn on_grid(&self, lines: &[Line], sphere: &SphereGrid, sides: Option<usize>) -> Vec<GridLine> {
-        let mut all = sides.and_then(|k| Some(self.sides.as_ref()?[k].clone())).unwrap_or_default();
-        all.extend(lines.iter().filter_map(|line| GridLine::new(line, &self.lens, sphere)));
+    /// Lines on a grid, the coarse or the fine one, preceded by the sides of the picture if they are to be straight, and followed by
+    /// those that were found.
+    fn on_grid(&self, lines: &[Line], sphere: &SphereGrid, grid: usize, attempt: Attempt) -> Vec<GridLine> {
+        let marked = lines.iter().filter_map(|line| GridLine::new(line, &self.lens, sphere));
+        let found = self.soft.iter().filter_map(|line| GridLine::soft(line, &self.lens, sphere));
+        let mut inner: Vec<GridLine> = marked.chain(found).collect();
+        attempt.weigh(&mut inner, &self.lens, sphere);
+        let sides = self.sides.as_ref().filter(|_| attempt.has_border());
+        let mut all = sides.map(|sides| sides[grid].clone()).unwrap_or_default();
+        all.append(&mut inner);
         all
     }
 
@@ -199,7 +233,10 @@ impl Rectifier {
     }
 }
 
-/// A straight border that folds is given up; a free one is the last resort.
-fn folding(border: bool) -> Folding {
-    if border { Folding::Refused } else { Folding::Held }
+/// A straight border that folds is given up where another attempt remains that cannot fold.
+fn folding(attempt: Attempt) -> Folding {
+    match attempt {
+        Attempt::Straight | Attempt::AnyAngle => Folding::Refused,
+        Attempt::Free | Attempt::Bending => Folding::Held,
+    }
 }

@@ -214,7 +214,7 @@ impl Sheet {
             let touched = with_neighbors(&folded, (self.sphere.grid.cols, self.sphere.grid.rows));
             cells.iter_mut().zip(&touched).filter(|(_, touched)| **touched).for_each(|(w, _)| *w *= FOLD_STIFFENING);
             for line in &mut lines {
-                line.relax_extensions(&touched);
+                line.relax(&touched);
             }
         }
         Ok((sound, report))

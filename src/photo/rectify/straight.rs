@@ -19,14 +19,17 @@
 //! line is extended along its great circle at both ends, with a weight that decays by `e` over a fraction of the line's
 //! length. Marks that deviate from a great circle indicate an error of lens or marks; they are not extended.
 //!
+//! **Found lines** that nobody marked enter in the same way at a weight of their own, and the weights of cells do not know them.
+//!
 //! # Reference
 //! Carroll et al. 2009, section 4.2.
 
+use super::SoftLine;
 use super::sphere_grid::SphereGrid;
-use crate::Line;
 use crate::warp::FittedLine;
+use crate::{Line, Orientation};
 use plumbline_camera::{Lens, Vec3};
-use plumbline_image::grid::{CellPoint, GridMesh};
+use plumbline_image::grid::{CellPoint, GridMesh, Quad};
 use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Maximum distance of virtual vertices, cells: two per cell see the curvature of a bilinear map, more only repeat
@@ -52,6 +55,8 @@ pub(super) struct GridLine {
     pub(super) weights: Vec<f64>,
     /// Virtual vertices of the marked part.
     marked: usize,
+    /// It was found, not marked.
+    soft: bool,
     /// The normal where the orientation is given.
     pub(super) normal: Option<Vec2>,
 }
@@ -87,19 +92,36 @@ impl GridLine {
                 weights.push(weight);
             }
         }
-        (marked >= 2).then_some(Self { vertices, weights, marked, normal })
+        (marked >= 2).then_some(Self { vertices, weights, marked, soft: false, normal })
     }
 
-    /// The first and the last virtual vertex of the marked part.
-    pub(super) fn ends(&self) -> [CellPoint; 2] {
-        [self.vertices[0], self.vertices[self.marked - 1]]
+    /// A line that was found, at its own weight.
+    pub(super) fn soft(found: &SoftLine, lens: &Lens, sphere: &SphereGrid) -> Option<Self> {
+        let line = Line { name: String::new(), points: found.points.clone(), orientation: Orientation::Free };
+        let mut made = Self::new(&line, lens, sphere)?;
+        made.weights.iter_mut().for_each(|w| *w *= found.weight);
+        Some(Self { soft: true, ..made })
     }
 
-    /// Relaxes the extensions where one of them meets these cells.
-    pub(super) fn relax_extensions(&mut self, cells: &[bool]) {
-        if self.vertices[self.marked..].iter().any(|p| cells[p.cell]) {
-            self.weights[self.marked..].iter_mut().for_each(|w| *w *= RELAXATION);
+    /// The first and the last virtual vertex of the marked part; none of a line that nobody marked, at whose ends nobody looks.
+    pub(super) fn ends(&self) -> impl Iterator<Item = CellPoint> {
+        let ends = [self.vertices[0], self.vertices[self.marked - 1]];
+        ends.into_iter().filter(|_| !self.soft)
+    }
+
+    /// Relaxes the extensions where one of them meets these cells, and all of a line that was found.
+    pub(super) fn relax(&mut self, cells: &[bool]) {
+        let first = if self.soft { 0 } else { self.marked };
+        if self.vertices[first..].iter().any(|p| cells[p.cell]) {
+            self.weights[first..].iter_mut().for_each(|w| *w *= RELAXATION);
         }
+    }
+
+    /// Multiplies the weight of each virtual vertex by a factor, by its position on the grid's rectangle.
+    pub(super) fn weigh(&mut self, sphere: &SphereGrid, factor: impl Fn(Point2) -> f64) {
+        let grid = &sphere.grid;
+        let at = |p: &CellPoint| Quad(grid.corners(p.cell).map(|i| grid.vertex(i))).at(p.s, p.t);
+        self.weights.iter_mut().zip(&self.vertices).for_each(|(w, p)| *w *= factor(at(p)));
     }
 
     /// Unknowns of its own: the offsets of its ends, or one for both.
@@ -133,7 +155,7 @@ pub(super) fn sides(lens: &Lens, sphere: &SphereGrid) -> Option<Vec<GridLine>> {
         };
         let vertices: Option<Vec<CellPoint>> = (0..=steps).map(vertex).collect();
         let marked = steps + 1;
-        Some(GridLine { vertices: vertices?, weights: vec![1.0; marked], marked, normal: Some(normal) })
+        Some(GridLine { vertices: vertices?, weights: vec![1.0; marked], marked, soft: false, normal: Some(normal) })
     };
     let (level, upright) = (Vec2::new(0.0, 1.0), Vec2::new(1.0, 0.0));
     Some(vec![

@@ -52,7 +52,7 @@ fn room(lens: &Lens) -> Vec<Line> {
 }
 
 fn input<'a>(lens: &'a Lens, lines: &'a [Line], faces: &'a [Rect]) -> RectifyInput<'a> {
-    RectifyInput { lens, lines, faces, saliency: None }
+    RectifyInput { lens, lines, soft_lines: &[], found: false, faces, saliency: None }
 }
 
 /// Largest residual `e_v − R e_u` of a map in the middles of cells, relative to the cells: the Cauchy–Riemann equations
@@ -475,4 +475,88 @@ fn a_warp_in_the_frame_of_the_solve_is_the_warp_and_another_frame_shows_what_it_
     assert!((after.x - 2.0 * (before.x - 0.5 * whole.size.0 as f64)).abs() < 1e-6, "{before} {after}");
     let none = Rect { min: frame.min, max: frame.min };
     assert!(view.warp_in(&none).is_err(), "a frame without area has no pixels");
+}
+
+#[test]
+fn found_lines_bend_less_and_yield_to_marked_ones() {
+    let lens = fisheye();
+    let all = room(&lens);
+    let bend = |warp: &PhotoWarp, line: &Line| {
+        let seen: Vec<_> = line.course(Some(&lens), 8).iter().filter_map(|p| (warp.forward)(*p)).collect();
+        let fit = crate::FittedLine::through(&seen).expect("a line");
+        seen.iter().map(|p| fit.off(*p).abs()).fold(0.0, f64::max)
+    };
+    let soft: Vec<SoftLine> = all[1..].iter().map(|l| SoftLine { points: l.points.clone(), weight: 1e-2 }).collect();
+    let solved = |soft_lines: &[SoftLine]| {
+        let input = RectifyInput { soft_lines, ..input(&lens, &all[..1], &[]) };
+        rectify(&input, &RectifyOptions::default(), &Run::default()).expect("a warp")
+    };
+    let worst = |warp: &PhotoWarp| all[1..].iter().map(|l| bend(warp, l)).fold(0.0, f64::max);
+    let (without, with) = (solved(&[]), solved(&soft));
+    assert!(worst(&without) > 4.0 && worst(&with) < 0.5, "{} and {} px", worst(&without), worst(&with));
+    assert_eq!(with.lines.len(), 1, "found lines are in no report");
+    // A curve that is straight nowhere gives way to the mark that it contradicts.
+    let arc = |k: usize| all[0].points[k] + Vec2::new(0.0, 25.0 * (k as f64 / 14.0 - 0.5).powi(2));
+    let wrong = SoftLine { points: (0..15).map(arc).collect(), weight: 0.1 };
+    assert!(solved(&[wrong]).lines[0].max_px < 0.25);
+}
+
+#[test]
+fn a_crop_keeps_the_body_below_a_face_where_the_source_shows_it() {
+    let lens = fisheye();
+    let at = |x: f64, y: f64| {
+        let min = plumbline_num::math::Point2::new(x, y);
+        Rect { min, max: min + Vec2::new(90.0, 110.0) }
+    };
+    let solved = |face: Rect| {
+        let options = RectifyOptions { crop: Crop::Aspect(AspectRatio::new(2.5, 1.0)), ..RectifyOptions::default() };
+        rectify(&input(&lens, &[], &[face]), &options, &Run::default()).expect("a warp")
+    };
+    let shows = |warp: &PhotoWarp, x: f64, y: f64| {
+        let frame = Rect::of_size(warp.size.0 as f64, warp.size.1 as f64);
+        (warp.forward)(plumbline_num::math::Point2::new(x, y)).is_some_and(|p| frame.contains(p))
+    };
+    // The hips are at 300 + 110 + 330.
+    let whole = solved(at(555.0, 300.0));
+    assert!(whole.cut_faces.is_empty() && whole.cut_below.is_empty(), "{whole:?}");
+    assert!(shows(&whole, 600.0, 735.0) && shows(&whole, 515.0, 735.0) && shows(&whole, 685.0, 302.0));
+    // Those of a face that low are below the picture: the photographer cut them.
+    let low = solved(at(555.0, 500.0));
+    assert!(low.cut_faces.is_empty() && low.cut_below.is_empty() && shows(&low, 600.0, 609.0));
+    // A panorama cut of a body that is as high as the picture is told.
+    let options = RectifyOptions { crop: Crop::Aspect(AspectRatio::new(12.0, 1.0)), ..RectifyOptions::default() };
+    let told = rectify(&input(&lens, &[], &[at(555.0, 300.0)]), &options, &Run::default()).expect("a warp");
+    assert_eq!(told.cut_below, [0]);
+}
+
+#[test]
+fn a_slanted_picture_of_found_lines_is_shown_whole_at_its_slant() {
+    let lens = wide();
+    // Uprights and levels of a wall that was taken at a slant of 40°.
+    let slant = Rotation3::from_axis_angle(&Vec3::z_axis(), 40_f64.to_radians());
+    let side = |name: String, from: (f64, f64), to: (f64, f64), orientation| {
+        let at = |(x, y): (f64, f64)| slant * Vec3::new(x, y, 1.0);
+        line(&name, seen(&lens, at(from), at(to), 9), orientation)
+    };
+    let places = [-0.5, -0.25, 0.0, 0.25, 0.5];
+    let mut lines: Vec<Line> =
+        places.map(|v| side(format!("{v} upright"), (v, -0.55), (v, 0.55), Orientation::Vertical)).into();
+    lines.extend(places.map(|v| side(format!("{v} level"), (-0.55, v), (0.55, v), Orientation::Horizontal)));
+    let solved = |found, crop| {
+        let input = RectifyInput { found, ..input(&lens, &lines, &[]) };
+        rectify(&input, &RectifyOptions { crop, ..RectifyOptions::default() }, &Run::default()).expect("a warp")
+    };
+    let upright = solved(true, Crop::Rectangle);
+    assert!(
+        upright.source_shown(SIZE) < attempt::MIN_SHOWN,
+        "the crop that is asked for: {}",
+        upright.source_shown(SIZE)
+    );
+    let whole = solved(true, Crop::Auto);
+    assert!(whole.source_shown(SIZE) > 0.98, "{}", whole.source_shown(SIZE));
+    assert!(whole.lines.iter().all(|l| l.max_px < 0.5 && l.angle_error.is_none()), "{:?}", whole.lines);
+    // Of marked lines the orientation is asked for, and stays.
+    let marked = solved(false, Crop::Auto);
+    assert!(marked.lines.iter().all(|l| l.angle_error.is_some()), "{:?}", marked.lines);
+    assert!(marked.source_shown(SIZE) >= upright.source_shown(SIZE));
 }

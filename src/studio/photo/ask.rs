@@ -44,7 +44,7 @@ impl PhotoWorkspace {
         let nothing = || StudioError::request(self.problem.clone().unwrap_or_else(|| "there is no result".to_owned()));
         let lens = lens.ok_or_else(nothing)?;
         // What is shown stays: the export has a map of its own.
-        let input = self.map_input(document, &lens, self.lines_in_use(document).unwrap_or_default());
+        let input = self.exact_input(document, &lens, run)?;
         let importance = self.analysis.importance.as_ref().filter(|_| said.importance);
         input.exact(importance.map(|importance| importance.plane()), run).map_err(method)
     }

@@ -151,8 +151,7 @@ impl PhotoWorkspace {
             return Ok(());
         };
         self.search_lines(document, Some(&lens), run)?;
-        let lines = self.lines_in_use(document).unwrap_or_default();
-        let input = self.map_input(document, &lens, lines);
+        let input = self.exact_input(document, &lens, run)?;
         self.lens = Some(lens);
         let importance = self.analysis.importance.clone();
         let saliency = importance.as_ref().filter(|_| document.pipeline.said().importance).map(|i| i.plane());
@@ -194,7 +193,21 @@ impl PhotoWorkspace {
 
     pub(super) fn map_input(&self, document: &PhotoDocument, lens: &FoundLens, lines: Vec<Line>) -> MapInput {
         let settings = document.pipeline.said().map.clone();
-        MapInput { lens: lens.lens.clone(), lines, faces: self.faces_in_use(document), settings }
+        let (lens, faces) = (lens.lens.clone(), self.faces_in_use(document));
+        MapInput { lens, lines, found: !document.has_lines_in_use(), soft: Vec::new(), faces, settings }
+    }
+
+    /// The same, with the lines over their whole visible length, and those that nobody marked.
+    pub(super) fn exact_input(
+        &self,
+        document: &PhotoDocument,
+        lens: &FoundLens,
+        run: &Run,
+    ) -> Result<MapInput, StudioError> {
+        let input = self.map_input(document, lens, self.lines_in_use(document).unwrap_or_default());
+        let Some(search) = &self.analysis.search else { return Ok(input) };
+        let made = search.constraints((input.lines, input.found), &input.lens, &input.faces, run).map_err(method)?;
+        Ok(MapInput { lines: made.lines, soft: made.soft, ..input })
     }
 
     /// Boxes of the faces that are kept in shape.

@@ -11,7 +11,7 @@ use plumbline_camera::Lens;
 use plumbline_image::Plane;
 use plumbline_num::math::Rect;
 use plumbline_num::run::Run;
-use plumbline_photo::rectify::{Rectifier, RectifyInput, RectifyOptions, Target};
+use plumbline_photo::rectify::{Rectifier, RectifyInput, RectifyOptions, SoftLine, Target};
 use plumbline_photo::{Line, PhotoError, PhotoWarp};
 
 /// Cells along the longer side of the grid of drags; the pipeline's has 48. Measured on 24 lines: the map differs by less than a
@@ -23,18 +23,32 @@ const DRAFT_CELLS: usize = 24;
 pub(super) struct MapInput {
     pub(super) lens: Lens,
     pub(super) lines: Vec<Line>,
+    /// The lines were found, not marked.
+    pub(super) found: bool,
+    /// Lines that nobody marked.
+    pub(super) soft: Vec<SoftLine>,
     pub(super) faces: Vec<Rect>,
     pub(super) settings: PhotoRectifySettings,
 }
 
 impl MapInput {
     fn borrowed<'a>(&'a self, saliency: Option<&'a Plane<f32>>) -> RectifyInput<'a> {
-        RectifyInput { lens: &self.lens, lines: &self.lines, faces: &self.faces, saliency }
+        RectifyInput {
+            lens: &self.lens,
+            lines: &self.lines,
+            soft_lines: &self.soft,
+            found: self.found,
+            faces: &self.faces,
+            saliency,
+        }
     }
 
     /// All but the lines is the same.
     fn differs_in_lines_alone(&self, other: &Self) -> bool {
-        self.lens == other.lens && self.faces == other.faces && self.settings == other.settings
+        self.lens == other.lens
+            && self.found == other.found
+            && self.faces == other.faces
+            && self.settings == other.settings
     }
 
     /// The map at rest.

@@ -160,7 +160,7 @@ mod tests {
     fn the_lens_comes_first_and_the_shape_last() {
         let fov = FieldOfView::degrees(100.0, FieldAxis::Horizontal);
         let lens = Lens::from_field_of_view(Projection::Equidistant, fov, (640.0, 360.0)).expect("a lens");
-        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], saliency: None };
+        let input = RectifyInput { lens: &lens, lines: &[], soft_lines: &[], found: false, faces: &[], saliency: None };
         let target = Target::Fixed(Projection::Rectilinear);
         let options = RectifyOptions { target, size: OutputSize::Exact(640, 360), ..RectifyOptions::default() };
         let lens = Undistorted::new(rectify(&input, &options, &Run::default()).expect("a map"), (640, 360));
