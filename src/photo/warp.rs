@@ -30,18 +30,18 @@ pub struct PhotoWarp {
     /// Indices of the faces that the crop cuts.
     pub cut_faces: Vec<usize>,
     /// Indices of the faces below which the crop cuts the body, down to three heights of the face, where the source shows it.
-    pub cut_bodies: Vec<usize>,
+    pub cut_below: Vec<usize>,
     /// Solves of the energy; 0 where the map has a closed form.
     pub iterations: usize,
 }
 
 impl std::fmt::Debug for PhotoWarp {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { field, size, mesh, lines, cut_faces, cut_bodies, iterations, forward: _ } = self;
+        let Self { field, size, mesh, lines, cut_faces, cut_below, iterations, forward: _ } = self;
         let mut s = f.debug_struct("PhotoWarp");
         s.field("field", field).field("size", size).field("mesh", mesh).field("lines", lines);
         s.field("cut_faces", cut_faces)
-            .field("cut_bodies", cut_bodies)
+            .field("cut_below", cut_below)
             .field("iterations", iterations)
             .finish_non_exhaustive()
     }

@@ -134,7 +134,7 @@ mod tests {
             forward,
             lines: Vec::new(),
             cut_faces: Vec::new(),
-            cut_bodies: Vec::new(),
+            cut_below: Vec::new(),
             iterations: 0,
         };
         let [x, y] = positions(&warp);

@@ -191,7 +191,7 @@ mod tests {
             forward,
             lines: Vec::new(),
             cut_faces: Vec::new(),
-            cut_bodies: Vec::new(),
+            cut_below: Vec::new(),
             iterations: 0,
         };
         Arc::new(PhotoMap { warp, report: serde_json::Map::new() })

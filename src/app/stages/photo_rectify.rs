@@ -162,7 +162,7 @@ const PANORAMA_VIEW: ViewField = ViewField { width: 100.0, height: 75.0 };
 
 /// Says which faces the crop could not keep, and below which it cuts the body.
 fn warn_of_cut_people(context: &mut Context<'_, '_>, warp: &PhotoWarp) {
-    let bodies: Vec<usize> = warp.cut_bodies.iter().copied().filter(|k| !warp.cut_faces.contains(k)).collect();
+    let bodies: Vec<usize> = warp.cut_below.iter().copied().filter(|k| !warp.cut_faces.contains(k)).collect();
     for (cut, what) in [(&warp.cut_faces, "face"), (&bodies, "the body below face")] {
         if !cut.is_empty() {
             let numbers: Vec<String> = cut.iter().map(|k| (k + 1).to_string()).collect();

@@ -261,7 +261,7 @@ fn warp(source: &GridMesh, mesh: GridMesh, size: (usize, usize), iterations: usi
         forward,
         lines: Vec::new(),
         cut_faces: Vec::new(),
-        cut_bodies: Vec::new(),
+        cut_below: Vec::new(),
         iterations,
     })
 }

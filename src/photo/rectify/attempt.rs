@@ -95,7 +95,7 @@ impl Loss {
     /// Of a warp; `any`: the shape of the crop was asked for, and with it how much is shown.
     pub(super) fn of(warp: &PhotoWarp, size: (f64, f64), any: bool) -> Self {
         let missing = if any { 0.0 } else { (MIN_SHOWN - warp.source_shown(size)).max(0.0) };
-        Self { cut: warp.cut_faces.len() + warp.cut_bodies.len(), missing }
+        Self { cut: warp.cut_faces.len() + warp.cut_below.len(), missing }
     }
 
     /// Nothing that matters.

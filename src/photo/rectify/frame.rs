@@ -86,7 +86,7 @@ impl Unframed {
         let forward: Box<Forward> = Box::new(move |p| forward(p).map(out_from_plane));
         let picture = Rect::of_size(lens.size.0, lens.size.1);
         let cut = |regions: &[Option<Rect>]| people::cut(regions, &picture, &*forward, size, CUT);
-        let (cut_faces, cut_bodies) = (
+        let (cut_faces, cut_below) = (
             cut(&faces.iter().copied().map(Some).collect::<Vec<_>>()),
             cut(&faces.iter().map(|face| people::body(face, &picture)).collect::<Vec<_>>()),
         );
@@ -95,7 +95,7 @@ impl Unframed {
             size,
             mesh: self.mesh,
             cut_faces,
-            cut_bodies,
+            cut_below,
             forward,
             lines: Vec::new(),
             iterations: 0,

@@ -354,7 +354,7 @@ impl Prepared {
         let (grid, moved, corner) = (self.grid, mesh.clone(), self.window.min.coords);
         let forward = Box::new(move |p: Point2| Some(moved.at(grid.locate(p - corner)?)));
         let warp =
-            PhotoWarp { field, size, mesh, forward, lines, cut_faces: Vec::new(), cut_bodies: Vec::new(), iterations };
+            PhotoWarp { field, size, mesh, forward, lines, cut_faces: Vec::new(), cut_below: Vec::new(), iterations };
         let released = self.released.iter().map(|&i| self.lines[i].name.clone()).collect();
         let energies = descent.energies.clone();
         Ok(Retargeted { warp, window: self.window, energies, released })
