@@ -99,19 +99,19 @@ mod tests {
             crop,
             ..RectifyOptions::default()
         };
-        let input = RectifyInput { lens: &lens, lines: &[], faces: &[], saliency: None };
+        let input = RectifyInput { lens: &lens, lines: &[], soft_lines: &[], found: false, faces: &[], saliency: None };
         rectify(&input, &options, &Run::default()).expect("a warp")
     }
 
     #[test]
     fn a_view_near_the_pole_of_a_panorama_has_the_pixels_of_one_at_the_horizon() {
-        let level = view(Projection::Equirectangular, 1000.0, 0.0, Crop::Rectangle).size;
+        // Without a crop, which is found on a raster. The density at the center is that of a finite step.
+        let level = view(Projection::Equirectangular, 1000.0, 0.0, Crop::None).size;
         for pitch in [-89.0, -70.0, 45.0, 80.0] {
-            let near = view(Projection::Equirectangular, 1000.0, pitch, Crop::Rectangle);
-            // The crop is found on a raster: to a hundredth.
+            let near = view(Projection::Equirectangular, 1000.0, pitch, Crop::None);
             let off = |a: usize, b: usize| (a as f64 / b as f64 - 1.0).abs();
             let off = off(near.size.0, level.0).max(off(near.size.1, level.1));
-            assert!(off <= 0.01 && near.bounded_from.is_none(), "{pitch}: {:?} for {level:?}", near.size);
+            assert!(off <= 0.005 && near.bounded_from.is_none(), "{pitch}: {:?} for {level:?}", near.size);
         }
     }
 
