@@ -33,7 +33,7 @@ impl Photo {
 
     /// Other pixels, which were moved or resized, with what the file said of this picture. What is true of the old ones alone, such
     /// as the geometry of a panorama, is left out; the warnings are of what was lost that way. So is the gain map, which
-    /// [`GainMap::rendered`] carries along.
+    /// [`GainMap::rendered`](super::GainMap::rendered) carries along.
     ///
     /// ```
     /// use plumbline_image::still::{Photo, frame_of_rgb};
