@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { audit, inBothThemes, picture, test, until } from "./harness.mjs";
+import { audit, inBothThemes, picture, screenshot, test, until } from "./harness.mjs";
 
 /** Of the humanoid's box. */
 const DIAGONAL = 2.4;
@@ -125,6 +125,7 @@ test("a character is built, painted, posed by FK and IK, animated, undone and sa
   await done(page, "Paint weights of");
   await atRest(page);
   await inBothThemes(page, "character-weights");
+  await picture(page, "character");
   const { at } = (await snapshot(page)).history;
   await page.keyboard.press("Control+z");
   await until(async () => (await snapshot(page)).history.at === at - 1, "undo of the whole stroke");
@@ -149,7 +150,7 @@ test("a character is built, painted, posed by FK and IK, animated, undone and sa
   await done(page, "Drag hand.R");
   await atRest(page);
   await inBothThemes(page, "character-pose");
-  await picture(page, "studio-character");
+  await screenshot(page, "studio-character");
   await savedRunsAsShown(page, server);
 });
 

@@ -127,7 +127,7 @@ test("a tower is bent by hand, and plumbline run writes what was shown", { timeo
   for (const [x, y] of [[right, top], [right, middle], [left, middle], [left, top]]) await page.mouse.move(box.x + x, box.y + y, { steps: 4 });
   await page.mouse.up();
   await until(async () => Number((await page.getByText(/ of [\d,]+ vertices$/).first().textContent()).split(" ")[0]) > 20, "vertices in the lasso");
-  await picture(page, "mesh-lasso");
+  await screenshot(page, "mesh-lasso");
 
   // The gizmo moves the upper end; one drag is one step.
   await page.getByRole("button", { name: "Select", exact: true }).click();
@@ -179,7 +179,7 @@ test("keys over time play as the frames that plumbline run writes", { timeout: 1
   await page.getByRole("button", { name: "Play", exact: true }).click();
   await page.getByRole("button", { name: "Pause" }).waitFor();
   await page.getByRole("button", { name: "Pause" }).click();
-  await picture(page, "mesh-timeline");
+  await screenshot(page, "mesh-timeline");
   await save(page);
   await server.run("run", "tower.deform.toml");
   const last = positions(readFileSync(join(server.folder, "tower-deformed_0004.obj"), "utf8"));
@@ -244,6 +244,7 @@ test("every panel passes the audit, in both themes", { timeout: 120_000 }, async
   await page.getByRole("figure", { name: /Distortion of edges/ }).waitFor();
   await atRest(page);
   await inBothThemes(page, "mesh");
+  await picture(page, "mesh");
 });
 
 test("a mesh far from its origin looks and exports as one that is near", { timeout: 120_000 }, async (context) => {

@@ -134,7 +134,7 @@ test("a photo is made straight: lines drawn, moved, adopted and oriented, lens, 
   await exact(page);
   await idle(page);
   await inBothThemes(page, "photo");
-  await picture(page, "studio-photo");
+  await picture(page, "photo");
   await page.keyboard.press("g");
   // Undo and redo of everything.
   const steps = (await stepsOf(page)).length;
