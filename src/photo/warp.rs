@@ -52,6 +52,22 @@ impl std::fmt::Debug for PhotoWarp {
 }
 
 impl PhotoWarp {
+    /// A warp of `size` px that reports nothing: no bound, no lines, no cuts, no solves.
+    ///
+    /// ```
+    /// use plumbline_image::grid::Grid;
+    /// use plumbline_image::warp::WarpField;
+    /// use plumbline_photo::PhotoWarp;
+    ///
+    /// let mesh = Grid { cols: 2, rows: 1, width: 20.0, height: 10.0 }.to_mesh();
+    /// let same = PhotoWarp::new(WarpField::identity(), (20, 10), mesh, Box::new(Some));
+    /// assert!(same.lines.is_empty() && same.source_shown((20.0, 10.0)) == 1.0);
+    /// ```
+    pub fn new(field: WarpField, size: (usize, usize), mesh: GridMesh, forward: Box<Forward>) -> Self {
+        let (lines, cut_faces, cut_below) = (Vec::new(), Vec::new(), Vec::new());
+        Self { field, size, bounded_from: None, mesh, forward, lines, cut_faces, cut_below, iterations: 0 }
+    }
+
     /// Part of the area of the source, of so many px, that the output shows, in [0, 1].
     pub fn source_shown(&self, (width, height): (f64, f64)) -> f64 {
         let frame = Rect::of_size(self.size.0 as f64, self.size.1 as f64);

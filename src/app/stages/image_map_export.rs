@@ -127,17 +127,7 @@ mod tests {
         let field = WarpField::identity().then(Map::Affine(Matrix2x3::new(2.0, 0.0, 7.0, 0.0, 2.0, 2.0)));
         let mesh = Grid { cols: 2, rows: 1, width: 20.0, height: 10.0 }.to_mesh();
         let forward = Box::new(|p: Point2| Some(p));
-        let warp = PhotoWarp {
-            field,
-            size: (20, 10),
-            bounded_from: None,
-            mesh,
-            forward,
-            lines: Vec::new(),
-            cut_faces: Vec::new(),
-            cut_below: Vec::new(),
-            iterations: 0,
-        };
+        let warp = PhotoWarp::new(field, (20, 10), mesh, forward);
         let [x, y] = positions(&warp);
         assert_eq!((x[0], y[0]), (7.5, 2.5), "the first pixel covers columns 7 and 8, rows 2 and 3");
         assert_eq!((x[3 * 20 + 4], y[3 * 20 + 4]), (15.5, 8.5));

@@ -189,17 +189,7 @@ mod tests {
         let mesh = Grid { cols: 1, rows: 1, width: 100.0, height: 50.0 }.to_mesh();
         let field = WarpField::identity().then(shift);
         let forward = Box::new(|p: Point2| Some(p));
-        let warp = PhotoWarp {
-            field,
-            size: (100, 50),
-            bounded_from: None,
-            mesh,
-            forward,
-            lines: Vec::new(),
-            cut_faces: Vec::new(),
-            cut_below: Vec::new(),
-            iterations: 0,
-        };
+        let warp = PhotoWarp::new(field, (100, 50), mesh, forward);
         Arc::new(PhotoMap { warp, report: serde_json::Map::new() })
     }
 

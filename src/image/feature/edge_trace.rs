@@ -159,7 +159,7 @@ impl TracedEdge {
 }
 
 /// Largest distance of an edge's continuation from the cubic through what is known of it, px: twice the scatter of samples, half the
-/// distance to an edge that is told apart.
+/// least distance between two edges that are distinguished.
 const MAX_OFF_CUBIC: f64 = 0.7;
 /// Rounds in which samples that lie off the smooth part are left out, and how far off they lie: in medians of all distances, and at
 /// least, px.

@@ -1,8 +1,8 @@
 //! Lines continued beyond their marks.
 //!
 //! A line is constrained where it is marked. Marks that end early leave the rest of an edge to bend, at full length where the lens
-//! bends it most. So the edge is followed beyond both ends ([`EdgeTracer`]) as far as it is smooth, and what continues the line is told by the lens: with
-//! `n` the normal of the great circle nearest to the samples so far and `d(p)` the distance of a sample from it, px, the next run of
+//! bends it most. So the edge is followed beyond both ends ([`EdgeTracer`]) as far as it is smooth, and the lens decides what continues
+//! the line: with `n` the normal of the great circle nearest to the samples so far and `d(p)` the distance of a sample from it, px, the next run of
 //! samples belongs to the line where
 //!
 //! ```text
@@ -25,8 +25,8 @@ use plumbline_num::math::{Point2, Vec2};
 
 /// Steps between two marks along which an edge is looked for.
 const COURSE: usize = 16;
-/// Largest median distance of a run of samples from the circle, and of a mark, px, for lines that are measured: half the distance of an
-/// edge that is told apart by the tracer, four times the error of a calibrated lens. At half of it some lines of boards seen by a
+/// Largest median distance of a run of samples from the circle, and of a mark, px, for lines that are measured: half the least
+/// distance between edges that the tracer distinguishes, four times the error of a calibrated lens. At half of it some lines of boards seen by a
 /// fisheye are not followed.
 const MAX_OFF: f64 = 2.0;
 /// The same for lines of two points, of which the lens gives the course: at twice as much edges of bodies and of water are taken for

@@ -1,7 +1,8 @@
 //! Rectangling of panoramas with an irregular outline.
 //!
 //! Stitched pictures have an irregular border. A crop to the largest rectangle loses much of the picture, inpainting
-//! invents content; warping keeps everything at the cost of a small distortion. The outline is detected (`outline.rs`, and what it says of the picture in `verdict.rs`),
+//! invents content; warping keeps everything at the cost of a small distortion. The outline is detected (`outline.rs`; what it
+//! says of the picture, `verdict.rs`),
 //! the picture is expanded to its bounding rectangle by seams, which places the initial grid (`seams.rs`,
 //! `initial_grid.rs`), and the grid is solved for shapes, lines and a straight border (`energy.rs`). Then the aspect
 //! ratio with the least stretch is chosen: with `s_x`, `s_y` the mean growth of the cells along x and y, a rectangle of
@@ -255,17 +256,7 @@ fn warp(source: &GridMesh, mesh: GridMesh, size: (usize, usize), iterations: usi
     let field = WarpField { chain: vec![inverse, Map::Radial(Box::new(InPicture { grid, mesh: source.clone() }))] };
     let (back, moved) = (InverseMesh::new(source, cols, rows)?, mesh.clone());
     let forward = Box::new(move |p: Point2| Some(moved.at(grid.locate(back.map(p)?)?)));
-    Ok(PhotoWarp {
-        field,
-        size,
-        bounded_from: None,
-        mesh,
-        forward,
-        lines: Vec::new(),
-        cut_faces: Vec::new(),
-        cut_below: Vec::new(),
-        iterations,
-    })
+    Ok(PhotoWarp { iterations, ..PhotoWarp::new(field, size, mesh, forward) })
 }
 
 /// From the unit cells of a grid to the picture.

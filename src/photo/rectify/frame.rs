@@ -94,17 +94,8 @@ impl Unframed {
             cut(&faces.iter().copied().map(Some).collect::<Vec<_>>()),
             cut(&faces.iter().map(|face| people::body(face, &picture)).collect::<Vec<_>>()),
         );
-        Ok(PhotoWarp {
-            field: WarpField { chain: self.maps },
-            size,
-            bounded_from,
-            mesh: self.mesh,
-            cut_faces,
-            cut_below,
-            forward,
-            lines: Vec::new(),
-            iterations: 0,
-        })
+        let field = WarpField { chain: self.maps };
+        Ok(PhotoWarp { bounded_from, cut_faces, cut_below, ..PhotoWarp::new(field, size, self.mesh, forward) })
     }
 
     /// The crop rectangle in the plane; `None` if the picture covers none.

@@ -523,10 +523,10 @@ fn a_crop_keeps_the_body_below_a_face_where_the_source_shows_it() {
     // Those of a face that low are below the picture: the photographer cut them.
     let low = solved(at(555.0, 500.0));
     assert!(low.cut_faces.is_empty() && low.cut_below.is_empty() && shows(&low, 600.0, 609.0));
-    // A panorama cut of a body that is as high as the picture is told.
+    // A crop to a strip cuts the body, and reports it.
     let options = RectifyOptions { crop: Crop::Aspect(AspectRatio::new(12.0, 1.0)), ..RectifyOptions::default() };
-    let told = rectify(&input(&lens, &[], &[at(555.0, 300.0)]), &options, &Run::default()).expect("a warp");
-    assert_eq!(told.cut_below, [0]);
+    let strip = rectify(&input(&lens, &[], &[at(555.0, 300.0)]), &options, &Run::default()).expect("a warp");
+    assert_eq!(strip.cut_below, [0]);
 }
 
 #[test]

@@ -353,9 +353,7 @@ impl Prepared {
         let iterations = descent.energies.len().saturating_sub(1);
         let (grid, moved, corner) = (self.grid, mesh.clone(), self.window.min.coords);
         let forward = Box::new(move |p: Point2| Some(moved.at(grid.locate(p - corner)?)));
-        let (cut_faces, cut_below) = (Vec::new(), Vec::new());
-        let warp =
-            PhotoWarp { field, size, bounded_from: None, mesh, forward, lines, cut_faces, cut_below, iterations };
+        let warp = PhotoWarp { lines, iterations, ..PhotoWarp::new(field, size, mesh, forward) };
         let released = self.released.iter().map(|&i| self.lines[i].name.clone()).collect();
         let energies = descent.energies.clone();
         Ok(Retargeted { warp, window: self.window, energies, released })
