@@ -40,11 +40,13 @@
 //! J. Kannala, S. S. Brandt, *A Generic Camera Model …*, PAMI 28(8), 2006.
 //! G. Schwarz, *Estimating the Dimension of a Model*, Annals of Statistics 6, 1978.
 
+mod edges;
 mod fit;
 mod model;
 #[cfg(test)]
 mod tests;
 
+pub use edges::{EdgeCalibration, calibrate_edges};
 pub use model::LensModel;
 
 use rayon::prelude::*;

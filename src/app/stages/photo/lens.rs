@@ -11,12 +11,10 @@ use crate::stages::photo_rectify::PhotoRectifySettings;
 use plumbline_camera::{ExifFacts, FieldAxis, FieldOfView, Lens, Projection, lensfun_lens, read_lens};
 use plumbline_image::Plane;
 use plumbline_image::still::{ExifTags, Photo};
-use plumbline_num::math::Point2;
 use plumbline_num::run::Run;
-use plumbline_photo::calibration::{CalibrationOptions, LineRole, calibrate};
-use plumbline_photo::line_detection::curves;
+use plumbline_photo::Line;
+use plumbline_photo::calibration::{CalibrationOptions, EdgeCalibration, LineRole, calibrate, calibrate_edges};
 use plumbline_photo::rectangle::Outline;
-use plumbline_photo::{Line, PhotoError, Sight, best_circle};
 
 /// Relative error that a focal length from EXIF may have, and one that the user gives. EXIF rounds to whole
 /// millimeters and counts in 35-mm terms; the user's number is trusted to its last digit.
@@ -265,17 +263,6 @@ fn panorama(size: (f64, f64)) -> Result<Found, RunError> {
 
 /// Longest side of the picture in which edges are followed to find its lens, px: a fit of more says no more.
 const CURVES_SIDE_PX: usize = 1400;
-/// Least number of edges that must agree on a lens, and the least part of all of them.
-const MIN_CURVES: usize = 8;
-const MIN_AGREEING: f64 = 0.6;
-/// Largest scatter of edges around their lines, as a fraction of the diagonal: one px of a megapixel. Edges of things that are not
-/// straight scatter more.
-const MAX_CURVE_NOISE: f64 = 6e-4;
-/// Largest scatter under a lens from edges, as a fraction of that under the lens that EXIF claims, for which the former is taken.
-const MIN_GAIN: f64 = 0.7;
-/// Largest relative standard deviation of a focal length from edges alone: 25 % moves the border of a fisheye by as much.
-const MAX_FOCAL_SIGMA: f64 = 0.25;
-
 /// The lens of the edges, found once: of what it depends on, all is the picture's.
 fn of_edges(
     clues: &LensClues,
@@ -291,8 +278,7 @@ fn of_edges(
     Ok(clues.of_edges.get_or_init(|| found).clone())
 }
 
-/// The lens under which edges of the picture are straight; `None` where too few agree, where they do not determine one, or where
-/// they fit the claimed one about as well.
+/// The lens under which edges of the picture are straight, of `full` px.
 fn from_edges(
     levels: &Plane<f32>,
     full: (f64, f64),
@@ -300,51 +286,19 @@ fn from_edges(
     claimed: Option<&Lens>,
     run: &Run,
 ) -> Result<Option<Found>, RunError> {
-    let size = (levels.width() as f64, levels.height() as f64);
-    let edges = curves(levels.as_ref(), run)?;
-    if edges.len() < MIN_CURVES {
-        return Ok(None);
-    }
     let options = CalibrationOptions { field_of_view: claim, ..CalibrationOptions::default() };
-    let found = match calibrate(&edges, size, &options, run) {
-        Ok(found) => found,
-        Err(PhotoError::Interrupted(stopped)) => return Err(PhotoError::Interrupted(stopped).into()),
-        Err(_) => return Ok(None),
-    };
-    let used: Vec<&Line> =
-        edges.iter().zip(&found.lines).filter(|(_, fit)| fit.role == LineRole::Used).map(|(line, _)| line).collect();
-    let agreeing = used.len() as f64 / edges.len() as f64;
-    let noise = found.noise_px / size.0.hypot(size.1);
-    if used.len() < MIN_CURVES || agreeing < MIN_AGREEING || noise > MAX_CURVE_NOISE {
+    let Some(EdgeCalibration { calibration, used }) = calibrate_edges(levels.as_ref(), claimed, &options, run)? else {
         return Ok(None);
-    }
-    let scatter = |lens: &Lens| {
-        let lens = lens.resized(size).ok()?;
-        let squares = used.iter().filter_map(|line| scatter(&line.points, &lens)).sum::<f64>();
-        Some((squares / used.len() as f64).sqrt())
     };
-    let gain = claimed.and_then(|lens| Some(scatter(&found.lens)? / scatter(lens)?));
-    if gain.is_some_and(|gain| gain > MIN_GAIN) || (claimed.is_none() && found.focal_sigma > MAX_FOCAL_SIGMA) {
-        return Ok(None);
-    }
-    let Ok(lens) = found.lens.resized(full) else { return Ok(None) };
+    let Ok(lens) = calibration.lens.resized(full) else { return Ok(None) };
     let how = format!(
-        "{} from {} of {} edges found in the picture, which fit to {:.2} px of {:.0}",
-        found.model.name(),
-        used.len(),
-        edges.len(),
-        found.noise_px,
-        size.0.max(size.1),
+        "{} from {used} of {} edges found in the picture, which fit to {:.2} px of {}",
+        calibration.model.name(),
+        calibration.lines.len(),
+        calibration.noise_px,
+        levels.width().max(levels.height()),
     );
-    Ok(Some(Found { lens, how, focal_sigma: Some(found.focal_sigma), warnings: Vec::new() }))
-}
-
-/// Mean square distance of points from their best great circle, px².
-fn scatter(points: &[Point2], lens: &Lens) -> Option<f64> {
-    let sights: Option<Vec<Sight>> = points.iter().map(|p| Sight::new(lens, *p)).collect();
-    let sights = sights?;
-    let n = best_circle(&sights)?;
-    Some(sights.iter().map(|s| s.distance(&n).powi(2)).sum::<f64>() / sights.len() as f64)
+    Ok(Some(Found { lens, how, focal_sigma: Some(calibration.focal_sigma), warnings: Vec::new() }))
 }
 
 fn from_lines(
