@@ -39,11 +39,14 @@ impl Answer {
     }
 }
 
+/// The number in the file outside the folders: too long to be part of a temporary name by chance.
+pub(super) const SECRET: u32 = 987_654_321;
+
 pub(super) fn options(folder: &Path) -> Options {
     let project = folder.join("project");
     std::fs::create_dir_all(project.join("below")).expect("a folder");
     std::fs::write(project.join("a.fake"), r#"{"numbers":[1,2,3]}"#).expect("written");
-    std::fs::write(folder.join("secret.fake"), r#"{"numbers":[9]}"#).expect("written");
+    std::fs::write(folder.join("secret.fake"), format!(r#"{{"numbers":[{SECRET}]}}"#)).expect("written");
     Options {
         host: "127.0.0.1".to_owned(),
         port: 0,
