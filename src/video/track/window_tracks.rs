@@ -213,7 +213,10 @@ mod tests {
         let body = good.iter().position(|b| *b == b'\n').expect("a first line") + 1;
         for end in 0..good.len() {
             let message = refused(&good[..end]);
-            assert!(message.contains(if end < body { "not a window file" } else { "the file ends here" }), "{message}");
+            assert!(
+                message.contains(if end + 1 < body { "not a window file" } else { "the file ends here" }),
+                "{message}"
+            );
         }
         assert!(refused(&[&good[..], &[0]].concat()).contains("data behind the last of 9 frames"));
         let header = |from: &str, to: &str| {
