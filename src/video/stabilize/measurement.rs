@@ -40,6 +40,11 @@ impl MotionMeasurement {
         Ok(self.store.push(&tracks)?)
     }
 
+    /// Frames measured so far.
+    pub(super) fn frames(&self) -> usize {
+        self.motion.len()
+    }
+
     /// The motion of the whole clip and its tracks.
     pub(super) fn finish(self, info: &ClipInfo) -> (ClipMotion, Tracks) {
         let (width, height) = self.size;

@@ -137,8 +137,10 @@ impl<'a> WindowJoiner<'a> {
     /// [`StabilizeError::Input`] where no frame was pushed; [`StabilizeError::Store`]: the temporary folder is full.
     pub fn finish(self) -> Result<(ClipMotion, Tracks), StabilizeError> {
         let Self { info, joiner, carrier, mut measurement } = self;
-        let none = || StabilizeError::Input("the clip has no frame that could be decoded".to_owned());
-        measure(&mut measurement, carrier, joiner.finish().ok_or_else(none)?)?;
+        joiner.finish().try_for_each(|last| measure(&mut measurement, carrier, last))?;
+        if measurement.frames() == 0 {
+            return Err(StabilizeError::Input("the clip has no frame that could be decoded".to_owned()));
+        }
         Ok(measurement.finish(&info))
     }
 }

@@ -22,17 +22,20 @@
 //! picture is kept over at most `BLACK_FRAMES` black frames, then as the picture before a flash for at most `FLASH_FRAMES` more. The
 //! warm-up is longer than both together, so that at its end every picture that the tracker may still return to is one that the window
 //! has seen too, if it exists at all. The running median of the sharpness has a longer memory (a second); it needs no picture, only one
-//! number per frame, and is computed at the join.
+//! number per frame, and is computed at the join. Left to the window are two decisions of degree: which corners it starts from, and
+//! at which frame a picture that creeps by less than the noise counts as moved.
 
 use std::ops::{Range, RangeInclusive};
 
 use super::tracker::{BLACK_FRAMES, FLASH_FRAMES};
 
 /// Frames that a window owns: at 30 frames/s 20 s. The warm-up costs 2.7 % of the tracking; half the length would cost twice that,
-/// for twice the joins. Twice the length leaves a clip of ten minutes with too few windows for 16 processes.
+/// for twice the joins. Twice the length leaves a clip of ten minutes with too few windows for 16 processes. A sixth of the length
+/// does not change the stabilized clip measurably (`docs/ABLATIONS.md`).
 const LENGTH: usize = 600;
 
-/// Frames of the warm-up: more than the longest memory of the tracker, a flash directly after the longest bridged black.
+/// Frames of the warm-up: more than the longest memory of the tracker, a flash directly after the longest bridged black. With less, a
+/// window that starts within black would report as new what the window before continues.
 const WARM_UP: usize = 16;
 const _: () = assert!(WARM_UP as u32 > BLACK_FRAMES + FLASH_FRAMES + 1);
 

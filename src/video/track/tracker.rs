@@ -96,6 +96,9 @@ pub(super) const BLACK_FRAMES: u32 = 10;
 /// frame would cost six times as much for little.
 const APPEARANCE_EVERY: u32 = 6;
 
+/// Distance below which two tracks follow the same point, px of the analysis picture: half of the least distance of new corners.
+pub(super) const SAME_POINT_PX: f32 = 4.0;
+
 /// A point being tracked.
 #[derive(Clone, Debug)]
 struct Track {
@@ -289,7 +292,7 @@ impl Tracker {
 
     /// Drops tracks that ran into an older one, and the youngest of buckets with twice their number of points.
     fn thinned(&self, tracks: Vec<Track>, picture: &PaddedPlane) -> Vec<Track> {
-        const CELL: f32 = 4.0; // half of the least distance of new corners
+        const CELL: f32 = SAME_POINT_PX;
         let (w, h) = (picture.width(), picture.height());
         let (cols, rows) = CornerDetector::grid(w, h);
         let most = 2 * self.per_bucket(picture);
