@@ -244,7 +244,9 @@ fn windows_out_of_order_or_of_another_clip_are_refused() {
         "a frame of analysis window 0 follows frame 20 of the clip (expected window 1)"
     );
     let mut late = of(1).into_iter().map(|(window, t)| (window, t.clone())).collect::<Vec<_>>();
-    late.iter_mut().for_each(|(_, t)| t.pts = Timestamp(t.pts.0 + 1));
+    for (_, t) in &mut late {
+        t.pts = Timestamp(t.pts.0 + 1);
+    }
     let late: Vec<_> = late.iter().map(|(window, t)| (*window, t)).collect();
     assert_eq!(
         refused(&[of(0), late].concat()),
