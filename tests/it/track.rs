@@ -4,7 +4,9 @@ use plumbline::image::feature::Mask;
 use plumbline::image::{Frame, Layout, PixelFormat, Plane};
 use plumbline::num::math::{Homography, Point2, Similarity2, Vec2};
 use plumbline::num::time::Timestamp;
-use plumbline::video::track::{FrameTracks, Observation, TrackError, TrackOptions, TrackStore, Tracker};
+use plumbline::video::track::{
+    AnalysisWindows, FrameTracks, Observation, TrackError, TrackJoiner, TrackOptions, TrackStore, Tracker,
+};
 
 const W: usize = 640;
 const H: usize = 360;
@@ -212,7 +214,10 @@ fn a_blurred_frame_is_distinguished_from_its_neighbors() {
         Plane::from_fn(W, H, |x, y| (parts.iter().map(|p| u32::from(p.as_ref().row(y)[x])).sum::<u32>() / 9) as u8)
     };
     let pictures: Vec<_> = (0..8).map(|i| if i == 5 { smeared(i) } else { seen(&hand_held(i), 1) }).collect();
-    let tracks = run(&mut tracker(), &pictures);
+    let mut joiner = TrackJoiner::new(AnalysisWindows::default(), (W, H), W);
+    let tracks = run(&mut tracker(), &pictures).into_iter().filter_map(|t| joiner.push(0, t).expect("in order"));
+    let mut tracks: Vec<_> = tracks.collect();
+    tracks.extend(joiner.finish());
     let blurred: Vec<usize> = (0..8).filter(|i| tracks[*i].quality.blurred).collect();
     let sharpness: Vec<f32> = tracks.iter().map(|t| t.quality.sharpness).collect();
     assert_eq!(blurred, [5], "{sharpness:?}");

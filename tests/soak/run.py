@@ -143,10 +143,7 @@ def clips(program, folder, minutes):
             # While frames stream: what is solved at the end of a pass has its own line.
             part = [s for s in samples if s[1] == number and min(3 * 60 * 25, frames // 3) < s[2] < 0.99 * frames]
             if len(part) >= 8:
-                if mode == "mesh":
-                    flat(part, f"{mode}, pass {number}")
-                else:
-                    print(f"     {mode} keeps the tracks of the whole clip for its cameras: growth is reported, not bounded")
+                flat(part, f"{mode}, pass {number}")
                 linear(part, f"{mode}, pass {number}")
                 print(f"     {len(part)} samples, {part[0][4]:.0f} MB at frame {part[0][2]}, {part[-1][4]:.0f} MB at {part[-1][2]}")
         analysis = [s for s in samples if s[1] == 1 and s[2] > frames // 10]

@@ -275,6 +275,7 @@ enum Job {
 
 /// Runs the program on the process's own arguments; `extensions` are commands of other crates.
 pub fn main(runner: &dyn StageRunner, extensions: &[Extension]) -> ExitCode {
+    out_of_memory::return_large_blocks();
     out_of_memory::install();
     let (global, job) = match read_line(extensions) {
         Ok(read) => read,

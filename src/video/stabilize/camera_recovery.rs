@@ -52,8 +52,8 @@ fn recover_cameras(
     let options = SfmOptions { focal: focal_px.map(|f| (f, SIGMA_LN_FOCAL)), rolling_shutter };
     let table = |frames: Range<usize>| {
         run.check()?;
-        let seen = frames.map(|f| points_of(&tracks.store, f)).collect::<Result<Vec<_>, StabilizeError>>()?;
-        Ok::<_, StabilizeError>(TrackTable::new(motion.width, motion.height, seen))
+        let read = |frame: usize| points_of(&tracks.store, frames.start + frame);
+        TrackTable::read(motion.width, motion.height, frames.len(), read)
     };
     let fraction = |frame: usize| frame as f64 / motion.frames.len().max(1) as f64;
     for shot in &motion.shots {

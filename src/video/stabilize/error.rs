@@ -1,7 +1,7 @@
 //! Errors of the stabilizer, by whose fault they are.
 
 use crate::path::PathError;
-use crate::track::{StoreError, TrackError};
+use crate::track::{JoinError, StoreError, TrackError};
 use plumbline_image::feature::FeatureError;
 use plumbline_image::warp::WarpError;
 use plumbline_num::options::OptionError;
@@ -49,6 +49,12 @@ impl From<OptionError> for StabilizeError {
 impl From<TrackError> for StabilizeError {
     fn from(error: TrackError) -> Self {
         Self::Options(error.to_string())
+    }
+}
+
+impl From<JoinError> for StabilizeError {
+    fn from(error: JoinError) -> Self {
+        Self::Input(error.to_string())
     }
 }
 

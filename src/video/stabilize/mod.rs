@@ -3,7 +3,8 @@
 //! The method, step by step; each is a call of its own too:
 //!
 //! 1. **Tracking** ([`ClipTracker`]): about a thousand points are tracked through the frames (`crate::track`), cuts detected,
-//!    and the planar motion of the still background estimated from frame to frame (`crate::motion`).
+//!    and the planar motion of the still background estimated from frame to frame (`crate::motion`). This is done in windows of
+//!    fixed length, which other processes can analyze as well ([`WindowTracker`], [`WindowJoiner`]).
 //! 2. **Camera motion** ([`complete_motion`]): the readout time of a rolling shutter and, if requested, cameras and points in
 //!    space, shot by shot (`crate::motion::sfm`). A motion file or a COLMAP model ([`MotionFile`], [`ImportedModels`]) can
 //!    replace both steps.
@@ -113,5 +114,5 @@ pub use shake::{PathDeviations, Shake, ShakeSummary};
 pub use source::{ClipInfo, FrameSource};
 pub use stabilizer::{Analysis, Plan, Stabilizer};
 pub use summary::{PlanSegment, PlanSummary, model_name, verdict_name};
-pub use tracking::ClipTracker;
+pub use tracking::{ClipTracker, WindowJoiner, WindowTracker};
 pub use tracks::{PointCarrier, Tracks};

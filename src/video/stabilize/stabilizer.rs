@@ -13,10 +13,11 @@ use super::options::{StabilizerOptions, WarpOptions};
 use super::path_planning::plan_path;
 use super::source::{ClipInfo, FrameSource};
 use super::summary::PlanSummary;
-use super::tracking::ClipTracker;
+use super::tracking::{ClipTracker, WindowJoiner, WindowTracker};
 use super::tracks::Tracks;
 use crate::motion::ClipMotion;
 use crate::path::VirtualPath;
+use crate::track::{AnalysisWindows, WindowTracks};
 use plumbline_image::Frame;
 use plumbline_image::warp::WarpField;
 use plumbline_num::run::Run;
@@ -87,6 +88,60 @@ impl Stabilizer {
         for_each_frame(source, &info, &tracking, |frame| tracker.push(frame).map(|_| ()))?;
         let (motion, tracks) = tracker.finish()?;
         self.completed(motion, tracks, &info, run)
+    }
+
+    /// Tracks points through one window of the clip ([`AnalysisWindows::default`]); the windows of a clip may be analyzed in any
+    /// order and by several processes. The frames before the window are read and not looked at.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Frames`]: the source; [`StabilizeError::Input`]: no frame in the window, or a mask that cannot be used;
+    /// [`StabilizeError::Interrupted`].
+    pub fn analyze_window<S: FrameSource>(
+        &self,
+        source: &S,
+        window: usize,
+        run: &Run,
+    ) -> Result<WindowTracks, StabilizeError> {
+        let windows = AnalysisWindows::default();
+        let mut tracker = WindowTracker::new(&source.info(), &self.options.track, windows, window)?;
+        let frames = tracker.frames();
+        let failed = |error: S::Error| StabilizeError::Frames(Box::new(error));
+        let mut last = 0;
+        for (index, frame) in source.frames().map_err(failed)?.take(frames.end).enumerate() {
+            run.check()?;
+            let frame = frame.map_err(failed)?;
+            if frames.contains(&index) {
+                tracker.push(&frame);
+            }
+            last = index;
+            run.progress.report((index + 1) as f64 / frames.end as f64);
+        }
+        if last < windows.owned(window).start {
+            let text = format!("the clip has no frame in analysis window {window}: its last one is {last}");
+            return Err(StabilizeError::Input(text));
+        }
+        Ok(tracker.finish())
+    }
+
+    /// The analysis of a clip from that of its windows, in order: bit for bit the result of [`Self::analyze`]. No frame is read; `info`
+    /// is that of the clip.
+    ///
+    /// # Errors
+    /// Those of `windows`; [`StabilizeError::Input`]: none, one that is not the next, or one of another clip;
+    /// [`StabilizeError::Store`]: the temporary folder; [`StabilizeError::Interrupted`].
+    pub fn join(
+        &self,
+        info: &ClipInfo,
+        windows: impl IntoIterator<Item = Result<WindowTracks, StabilizeError>>,
+        run: &Run,
+    ) -> Result<Analysis, StabilizeError> {
+        let mut joiner = WindowJoiner::new(info, &self.options.track, AnalysisWindows::default(), None)?;
+        for window in windows {
+            run.check()?;
+            joiner.push(window?)?;
+        }
+        let (motion, tracks) = joiner.finish()?;
+        self.completed(motion, tracks, info, run)
     }
 
     /// Reads the motion of the clip from a file instead: a motion file (`plumbline.motion`), or the folder of a COLMAP model. The

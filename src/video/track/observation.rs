@@ -26,7 +26,7 @@ pub struct FrameQuality {
     pub black: bool,
     /// The same picture as the frame before; positions are repeated exactly.
     pub duplicate: bool,
-    /// Much softer than the frames around it.
+    /// Much softer than the frames around it. [`super::TrackJoiner`] judges it; a tracker alone sets `false`.
     pub blurred: bool,
     /// A new shot begins here.
     pub cut_before: bool,
@@ -39,6 +39,18 @@ impl FrameQuality {
     /// Whether a new shot begins here; a cut among the frames that the tracks skip does not count.
     pub fn starts_shot(&self) -> bool {
         self.cut_before && self.bridged == 0
+    }
+
+    /// The findings as bits, as files contain them.
+    pub(super) fn flags(&self) -> u32 {
+        let flags = [self.black, self.duplicate, self.blurred, self.cut_before];
+        flags.iter().enumerate().fold(0, |bits, (i, set)| bits | u32::from(*set) << i)
+    }
+
+    /// The findings of [`Self::flags`]; the other fields are those of the default.
+    pub(super) fn from_flags(bits: u32) -> Self {
+        let flag = |i: u32| bits >> i & 1 == 1;
+        Self { black: flag(0), duplicate: flag(1), blurred: flag(2), cut_before: flag(3), ..Self::default() }
     }
 }
 

@@ -76,12 +76,10 @@ struct Record {
 impl Record {
     fn to_bytes(&self) -> [u8; RECORD] {
         let q = &self.quality;
-        let flags = [q.black, q.duplicate, q.blurred, q.cut_before];
-        let flags = flags.iter().enumerate().fold(0_u32, |bits, (i, set)| bits | u32::from(*set) << i);
         let mut bytes = [0; RECORD];
         bytes[..8].copy_from_slice(&self.pts.to_le_bytes());
         bytes[8..16].copy_from_slice(&self.start.to_le_bytes());
-        for (k, word) in [self.bytes, self.count, q.sharpness.to_bits(), flags, q.bridged].into_iter().enumerate() {
+        for (k, word) in [self.bytes, self.count, q.sharpness.to_bits(), q.flags(), q.bridged].into_iter().enumerate() {
             bytes[16 + 4 * k..20 + 4 * k].copy_from_slice(&word.to_le_bytes());
         }
         bytes
@@ -90,15 +88,8 @@ impl Record {
     fn from_bytes(bytes: &[u8; RECORD]) -> Self {
         let word = |k: usize| u32::from_le_bytes([bytes[k], bytes[k + 1], bytes[k + 2], bytes[k + 3]]);
         let long = |k: usize| u64::from(word(k)) | u64::from(word(k + 4)) << 32;
-        let flag = |i: u32| word(28) >> i & 1 == 1;
-        let quality = FrameQuality {
-            sharpness: f32::from_bits(word(24)),
-            black: flag(0),
-            duplicate: flag(1),
-            blurred: flag(2),
-            cut_before: flag(3),
-            bridged: word(32),
-        };
+        let sharpness = f32::from_bits(word(24));
+        let quality = FrameQuality { sharpness, bridged: word(32), ..FrameQuality::from_flags(word(28)) };
         Self { pts: long(0) as i64, start: long(8), bytes: word(16), count: word(20), quality }
     }
 }

@@ -12,6 +12,8 @@
 //!   skipped (`bridged`), which voids the cut;
 //! - a repeated frame has exactly the positions of the one before and does not replace the reference, so that motion too slow
 //!   to measure from one frame to the next accumulates.
+//!
+//! A tracker is started anew for every analysis window (`analysis_window.rs`), so that nothing here remembers the clip.
 
 use plumbline_image::feature::{Corner, CornerDetector, Mask};
 use plumbline_image::{Frame, PaddedPlane, Plane, PlaneRef, Pyramid, analysis_luma, analysis_size};
@@ -19,7 +21,7 @@ use plumbline_num::time::Timestamp;
 
 use super::appearance::Appearance;
 use super::klt::{Match, track};
-use super::quality::{PictureStats, SharpnessMedian, repeats};
+use super::quality::{PictureStats, repeats};
 use super::{FrameQuality, FrameTracks, Observation, coarse};
 
 /// Options of the tracker.
@@ -85,14 +87,17 @@ const MIN_RETURN: f32 = 0.4;
 const MIN_TRACKS: usize = 8;
 
 /// Longest flash, frames. Longer ones are indistinguishable from cutting away and back, which is two cuts.
-const FLASH_FRAMES: u32 = 4;
+pub(super) const FLASH_FRAMES: u32 = 4;
 
 /// Longest black that tracks bridge, frames: beyond, the camera may be anywhere and motion cannot be interpolated.
-const BLACK_FRAMES: u32 = 10;
+pub(super) const BLACK_FRAMES: u32 = 10;
 
 /// Frames between appearance checks of a track, staggered by its id: drift accumulates over many frames, so that checking every
 /// frame would cost six times as much for little.
 const APPEARANCE_EVERY: u32 = 6;
+
+/// Distance below which two tracks follow the same point, px of the analysis picture: half of the least distance of new corners.
+pub(super) const SAME_POINT_PX: f32 = 4.0;
 
 /// A point being tracked.
 #[derive(Clone, Debug)]
@@ -115,7 +120,7 @@ struct Reference {
     age: u32,
 }
 
-/// Follows points through a clip.
+/// Follows points through an analysis window, or a clip of any length.
 #[derive(Debug)]
 pub struct Tracker {
     width: usize,
@@ -127,7 +132,6 @@ pub struct Tracker {
     reference: Option<Reference>,
     /// The reference before a frame that did not continue it.
     kept: Option<Reference>,
-    sharpness: SharpnessMedian,
     next_id: u32,
     luma: Plane<u8>,
     /// A pyramid whose memory is reused.
@@ -158,7 +162,6 @@ impl Tracker {
             detector: CornerDetector::default(),
             reference: None,
             kept: None,
-            sharpness: SharpnessMedian::default(),
             next_id: 0,
             luma: Plane::new(0, 0),
             spare: Pyramid::new(),
@@ -194,7 +197,6 @@ impl Tracker {
             self.age_kept();
             return self.report(pts, quality);
         }
-        quality.blurred = self.sharpness.push(stats.sharpness);
         let now = Reference { pyramid, stats, tracks: Vec::new(), age: 0 };
         self.advance(now, &mut quality);
         self.report(pts, quality)
@@ -244,9 +246,6 @@ impl Tracker {
             }
         }
         quality.cut_before = before.stats.differs(&now.stats);
-        if quality.cut_before {
-            self.sharpness.clear();
-        }
         if before.tracks.len() >= MIN_TRACKS {
             self.kept = Some(before);
         } else if !quality.cut_before {
@@ -293,7 +292,7 @@ impl Tracker {
 
     /// Drops tracks that ran into an older one, and the youngest of buckets with twice their number of points.
     fn thinned(&self, tracks: Vec<Track>, picture: &PaddedPlane) -> Vec<Track> {
-        const CELL: f32 = 4.0; // half of the least distance of new corners
+        const CELL: f32 = SAME_POINT_PX;
         let (w, h) = (picture.width(), picture.height());
         let (cols, rows) = CornerDetector::grid(w, h);
         let most = 2 * self.per_bucket(picture);

@@ -42,30 +42,39 @@ impl TrackTable {
         F: IntoIterator,
         F::Item: IntoIterator<Item = (u32, Point2)>,
     {
-        let mut seen: Vec<Vec<(u32, Point2)>> = frames.into_iter().map(|f| f.into_iter().collect()).collect();
-        let (mut ids, mut lengths) = (Vec::new(), Vec::new());
-        for &(id, _) in seen.iter().flatten() {
-            ids.push(id);
+        let seen: Vec<Vec<(u32, Point2)>> = frames.into_iter().map(|f| f.into_iter().collect()).collect();
+        let read = |frame: usize| Ok::<_, std::convert::Infallible>(seen[frame].clone());
+        let Ok(table) = Self::read(width, height, seen.len(), read);
+        table
+    }
+
+    /// [`Self::new`] without the frames in memory: `read` returns those of a frame, and is asked for each of `frames` twice. First
+    /// the tracks that are long enough are found, then their observations are stored.
+    ///
+    /// # Errors
+    /// Those of `read`.
+    pub fn read<E>(
+        width: u32,
+        height: u32,
+        frames: usize,
+        mut read: impl FnMut(usize) -> Result<Vec<(u32, Point2)>, E>,
+    ) -> Result<Self, E> {
+        let mut ids = Vec::new();
+        for frame in 0..frames {
+            ids.extend(read(frame)?.into_iter().map(|(id, _)| id));
         }
         ids.sort_unstable();
-        for run in ids.chunk_by(|a, b| a == b) {
-            lengths.push((run[0], run.len()));
-        }
-        let ids: Vec<u32> = lengths.iter().filter(|(_, n)| *n >= MIN_FRAMES).map(|&(id, _)| id).collect();
-        let mut table = Self {
-            width,
-            height,
-            observations: Vec::new(),
-            frame_starts: vec![0],
-            by_point: Vec::new(),
-            point_starts: Vec::new(),
-            ids,
-        };
-        for (frame, points) in seen.iter_mut().enumerate() {
-            table.push_frame(frame as u32, points);
+        let long = || ids.chunk_by(|a, b| a == b).filter(|track| track.len() >= MIN_FRAMES);
+        let observations = Vec::with_capacity(long().map(<[u32]>::len).sum());
+        let ids = long().map(|track| track[0]).collect();
+        let frame_starts = vec![0];
+        let mut table =
+            Self { width, height, observations, frame_starts, by_point: Vec::new(), point_starts: Vec::new(), ids };
+        for frame in 0..frames {
+            table.push_frame(frame as u32, &read(frame)?);
         }
         table.index_points();
-        table
+        Ok(table)
     }
 
     fn push_frame(&mut self, frame: u32, points: &[(u32, Point2)]) {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::motion::MotionQuality;
-use crate::stabilize::{ModelChoice, PathMethod};
+use crate::stabilize::{ModelChoice, PathMethod, TrackingOptions};
 use plumbline_image::{Layout, PixelFormat};
 use plumbline_num::math::{Point2, PointMap, Vec2};
 use plumbline_num::run::{Budget, Interrupt, Progress, Stopped};
@@ -237,4 +237,55 @@ fn a_motion_file_gives_the_plan_that_tracking_gave() {
     assert!(off < 1e-6, "{off}");
     let longer = stabilizer().import(&path, &Wall::new(FRAMES + 1), &Run::default()).expect_err("another clip");
     assert!(longer.to_string().ends_with("it belongs to another clip or span"), "{longer}");
+}
+
+/// The motion file of a clip, with its points.
+fn motion_file((motion, tracks): (ClipMotion, Tracks)) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    motion.write_json_with_tracks(&mut bytes, &tracks.store).expect("memory");
+    bytes
+}
+
+#[test]
+fn windows_tracked_apart_in_any_order_give_the_motion_file_of_one_pass_bit_for_bit() {
+    let (source, options) = (Wall::new(60), TrackingOptions::default());
+    let windows = AnalysisWindows { length: 20, warm_up: 16 };
+    let mut one_pass = ClipTracker::in_windows(&source.info(), &options, windows, None).expect("no mask");
+    for t in 0..source.frames {
+        one_pass.push(&Wall::frame(t)).expect("room for tracks");
+    }
+    let one_pass = motion_file(one_pass.finish().expect("frames"));
+    let tracked = |window: usize| {
+        let mut tracker = WindowTracker::new(&source.info(), &options, windows, window).expect("no mask");
+        tracker.frames().filter(|t| *t < source.frames).for_each(|t| tracker.push(&Wall::frame(t)));
+        let mut file = Vec::new();
+        tracker.finish().write(&mut file).expect("memory");
+        file
+    };
+    let files: Vec<Vec<u8>> = (0..windows.count(source.frames)).rev().map(tracked).collect();
+    assert_eq!(files.len(), 3);
+    let mut joiner = WindowJoiner::new(&source.info(), &options, windows, None).expect("a temporary folder");
+    for file in files.iter().rev() {
+        joiner.push(WindowTracks::read(&file[..]).expect("just written")).expect("in order");
+    }
+    assert!(motion_file(joiner.finish().expect("frames")) == one_pass);
+    let whole = AnalysisWindows { length: 60, ..windows };
+    let mut undivided = ClipTracker::in_windows(&source.info(), &options, whole, None).expect("no mask");
+    (0..60).for_each(|t| assert!(!undivided.push(&Wall::frame(t)).expect("room for tracks")));
+    assert!(motion_file(undivided.finish().expect("frames")) != one_pass, "the borders are there");
+}
+
+#[test]
+fn a_clip_is_analyzed_by_its_windows() {
+    let (stabilizer, source, run) = (stabilizer(), Wall::new(FRAMES), Run::default());
+    let window = stabilizer.analyze_window(&source, 0, &run).expect("frames");
+    let joined = stabilizer.join(&source.info(), [Ok(window.clone())], &run).expect("one window");
+    assert!(joined.motion() == stabilizer.analyze(&source, &run).expect("frames").motion());
+    let beyond = stabilizer.analyze_window(&source, 1, &run).expect_err("a short clip").to_string();
+    assert_eq!(beyond, "the clip has no frame in analysis window 1: its last one is 39");
+    let other = ClipInfo::new(64, 64, Timebase { num: 1, den: 30 });
+    let other = stabilizer.join(&other, [Ok(window)], &run).expect_err("another size").to_string();
+    assert_eq!(other, "analysis window 0 is of a clip of (320, 180) px (expected (64, 64))");
+    let none = stabilizer.join(&source.info(), [], &run).expect_err("no window").to_string();
+    assert_eq!(none, "the clip has no frame that could be decoded");
 }
