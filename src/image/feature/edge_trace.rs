@@ -12,8 +12,7 @@
 //! [`WINDOW`] px, so that an edge that a lens bends is followed too. It ends where no step of [`MIN_CONTRAST`] is found for longer
 //! than [`MAX_GAP`], or where it would bend more than any lens bends a line; the last located sample is its end.
 
-use nalgebra::{SMatrix, SVector};
-
+use super::SmoothCurve;
 use crate::PlaneRef;
 use plumbline_num::math::{Point2, Vec2};
 
@@ -64,14 +63,17 @@ impl<'a> EdgeTracer<'a> {
     /// The edge along `course` alone; `None` where less than half of it lies along an edge.
     pub fn along(&self, course: &[Point2]) -> Option<Vec<Point2>> {
         let (mut edge, mut asked) = (Vec::new(), 0_usize);
+        // Distance from the next point of the course to the next sample, so that points that lie close count for no more than others.
+        let mut ahead = 0.0;
         for pair in course.windows(2) {
             let span = pair[1] - pair[0];
             let Some(tangent) = span.try_normalize(1e-9) else { continue };
-            let count = (span.norm() / STEP).ceil() as usize;
-            for k in 0..count {
+            while ahead < span.norm() {
                 asked += 1;
-                edge.extend(self.locate(pair[0] + span * (k as f64 / count as f64), tangent));
+                edge.extend(self.locate(pair[0] + tangent * ahead, tangent));
+                ahead += STEP;
             }
+            ahead -= span.norm();
         }
         (edge.len() >= MIN_SAMPLES && 2 * edge.len() >= asked).then_some(edge)
     }
@@ -158,150 +160,29 @@ impl TracedEdge {
     }
 }
 
-/// Largest distance of an edge's continuation from the cubic through what is known of it, px: twice the scatter of samples, half the
-/// least distance between two edges that are distinguished.
-const MAX_OFF_CUBIC: f64 = 0.7;
-/// Rounds in which samples that lie off the smooth part are left out, and how far off they lie: in medians of all distances, and at
-/// least, px.
-const TRIMMINGS: usize = 3;
-const OUTLIER: f64 = 3.0;
-const MIN_OUTLIER: f64 = 0.3;
-
-impl TracedEdge {
-    /// The smooth part: the course and what continues it as a cubic does, without samples that lie off by more than noise does, as
-    /// where a shadow or a hand crosses the edge. A lens bends lines smoothly; where an edge leaves the cubic through what is known of it,
-    /// another begins.
-    #[must_use]
-    pub fn smooth(&self) -> Self {
-        let (points, mut known) = (&self.points, self.course.clone());
-        // Outwards by a quarter of what is known at a time, since a cubic says little about what lies far ahead; less where that much does
-        // not fit. Single samples may lie off, as at the corners of tiles.
-        let mut part = 4;
-        while let Some(cubic) = SmoothCurve::<4>::through(&points[known.clone()]) {
-            let step = known.len().div_ceil(part).max(MIN_SAMPLES);
-            let fits = |run: &[Point2]| {
-                let mut offs: Vec<f64> = run.iter().map(|p| cubic.off(*p).abs()).collect();
-                offs.sort_by(f64::total_cmp);
-                offs.get(offs.len() / 2).is_some_and(|usual| *usual <= MAX_OFF_CUBIC)
-            };
-            let (start, end) = (known.start.saturating_sub(step), (known.end + step).min(points.len()));
-            let (before, after) = (fits(&points[start..known.start]), fits(&points[known.end..end]));
-            match (before, after) {
-                (false, false) if step == MIN_SAMPLES => break,
-                (false, false) => part *= 2,
-                _ => known = if before { start } else { known.start }..if after { end } else { known.end },
-            }
-        }
-        let mut own: Vec<bool> = (0..points.len()).map(|k| known.contains(&k)).collect();
-        let kept = |own: &[bool]| -> Vec<Point2> {
-            points.iter().zip(own).filter(|(_, own)| **own).map(|(p, _)| *p).collect()
-        };
-        for _ in 0..TRIMMINGS {
-            let Some(curve) = SmoothCurve::<6>::through(&kept(&own)) else { break };
-            let mut offs: Vec<f64> = kept(&own).iter().map(|p| curve.off(*p).abs()).collect();
-            offs.sort_by(f64::total_cmp);
-            let most = (OUTLIER * offs[offs.len() / 2]).max(MIN_OUTLIER);
-            points.iter().zip(&mut own).for_each(|(p, own)| *own &= curve.off(*p).abs() <= most);
-        }
-        let start = own[..self.course.start].iter().filter(|own| **own).count();
-        let along = own[self.course.clone()].iter().filter(|own| **own).count();
-        Self { points: kept(&own), course: start..start + along }
-    }
-}
-
-/// The polynomial of `N` coefficients nearest to points, over the chord from the first to the last.
-#[derive(Clone, Debug)]
-pub struct SmoothCurve<const N: usize> {
-    origin: Point2,
-    along: Vec2,
-    half: f64,
-    coefficients: SVector<f64, N>,
-}
-
-impl<const N: usize> SmoothCurve<N> {
-    /// Of points; `None` for fewer than two apart.
-    pub fn through(points: &[Point2]) -> Option<Self> {
-        let (first, last) = (points.first()?, points.last()?);
-        let along = (last - first).try_normalize(1e-9)?;
-        let (origin, half) = (nalgebra::center(first, last), 0.5 * (last - first).norm());
-        let across = Vec2::new(-along.y, along.x);
-        let (mut moments, mut right) = (SMatrix::<f64, N, N>::zeros(), SVector::<f64, N>::zeros());
-        for d in points.iter().map(|p| p - origin) {
-            let row = Self::powers(along.dot(&d) / half);
-            moments += row * row.transpose();
-            right += row * across.dot(&d);
-        }
-        // Few samples leave high powers open: a pull to zero far below the weight of one sample.
-        moments += SMatrix::identity() * (1e-6 * points.len() as f64);
-        Some(Self { origin, along, half, coefficients: moments.cholesky()?.solve(&right) })
-    }
-
-    /// The point at a fraction of the chord, from 0 to 1.
-    pub fn at(&self, fraction: f64) -> Point2 {
-        let t = 2.0 * fraction - 1.0;
-        let across = Vec2::new(-self.along.y, self.along.x);
-        self.origin + self.along * (t * self.half) + across * self.coefficients.dot(&Self::powers(t))
-    }
-
-    /// Signed distance of a point from it, across the chord.
-    pub fn off(&self, p: Point2) -> f64 {
-        let d = p - self.origin;
-        let across = Vec2::new(-self.along.y, self.along.x);
-        across.dot(&d) - self.coefficients.dot(&Self::powers(self.along.dot(&d) / self.half))
-    }
-
-    fn powers(t: f64) -> SVector<f64, N> {
-        SVector::from_fn(|k, _| t.powi(k as i32))
-    }
-}
-
-/// The end of an edge as a parabola in axes along and across it.
+/// The end of an edge as a parabola.
 #[derive(Debug)]
 struct Course {
-    origin: Point2,
-    along: Vec2,
-    /// Position of the last sample.
+    parabola: SmoothCurve<3>,
+    /// Position of the last sample, px.
     last: f64,
-    a: f64,
-    b: f64,
-    c: f64,
 }
 
 impl Course {
     /// Of the last samples; `None` for too few, or where they bend with less than the radius `least`, px.
     fn of_end(edge: &[Point2], least: f64) -> Option<Self> {
+        /// A short end determines no curvature: a weak pull to a straight one, in weights of all samples.
+        const PULL: f64 = 0.02;
         let from = edge.len().saturating_sub((WINDOW / STEP) as usize);
-        let end = &edge[from..];
-        let (first, last) = (end.first()?, end.last()?);
-        let along = (last - first).try_normalize(1e-9)?;
-        let across = Vec2::new(-along.y, along.x);
-        if end.len() < MIN_SAMPLES {
-            return None;
-        }
-        let half = 0.5 * (last - first).norm();
-        let origin = nalgebra::center(first, last);
-        let mut moments = nalgebra::Matrix3::<f64>::zeros();
-        let mut right = nalgebra::Vector3::<f64>::zeros();
-        for p in end {
-            let d = p - origin;
-            let t = along.dot(&d) / half;
-            let row = nalgebra::Vector3::new(1.0, t, t * t);
-            moments += row * row.transpose();
-            right += row * across.dot(&d);
-        }
-        // A short end determines no curvature: a weak pull to a straight one.
-        moments[(2, 2)] += 0.02 * end.len() as f64;
-        let fit = moments.cholesky()?.solve(&right);
-        let (a, b, c) = (fit[0], fit[1] / half, fit[2] / (half * half));
-        (2.0 * c.abs() * least < 1.0).then(|| Self { origin, along, last: along.dot(&(last - origin)), a, b, c })
+        let end = Some(&edge[from..]).filter(|end| end.len() >= MIN_SAMPLES)?;
+        let parabola = SmoothCurve::fit(end, [0.0, 0.0, PULL].into())?;
+        let last = parabola.position(*end.last()?);
+        (parabola.bend(last).abs() * least < 1.0).then_some(Self { parabola, last })
     }
 
     /// The point so many px beyond the last sample, and the tangent there.
     fn at(&self, beyond: f64) -> (Point2, Vec2) {
-        let across = Vec2::new(-self.along.y, self.along.x);
-        let t = self.last + beyond;
-        let point = self.origin + self.along * t + across * (self.a + self.b * t + self.c * t * t);
-        (point, (self.along + across * (self.b + 2.0 * self.c * t)).normalize())
+        self.parabola.point_and_tangent(self.last + beyond)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Features of one picture: corners, line segments, masks, faces, saliency and importance.
 
 mod corners;
+mod edge_curve;
 mod edge_trace;
 mod error;
 mod faces;
@@ -12,7 +13,8 @@ mod saliency;
 mod segments;
 
 pub use corners::{Corner, CornerDetector};
-pub use edge_trace::{EdgeTracer, SmoothCurve, TracedEdge, averaged};
+pub use edge_curve::{SmoothCurve, grown};
+pub use edge_trace::{EdgeTracer, TracedEdge, averaged};
 pub use error::FeatureError;
 pub use faces::{Face, FaceDetector, FaceOptions};
 pub use gradient::gradient;

@@ -9,8 +9,7 @@
 //! median |d(p)| ≤ MAX_OFF,
 //! ```
 //!
-//! and `n` is estimated again with it. Runs are a quarter of what is known, since a circle says little about what lies far ahead of
-//! its samples, and shorter where that much does not fit. Where an edge leaves the circle, another begins, or the lens is wrong.
+//! and `n` is estimated again with it ([`grown`]). Where an edge leaves the circle, another begins, or the lens is wrong.
 
 use std::ops::Range;
 
@@ -20,7 +19,7 @@ use super::Line;
 use crate::{Sight, best_circle};
 use plumbline_camera::{Lens, Vec3};
 use plumbline_image::PlaneRef;
-use plumbline_image::feature::{EdgeTracer, TracedEdge, averaged};
+use plumbline_image::feature::{EdgeTracer, TracedEdge, averaged, grown};
 use plumbline_num::math::{Point2, Vec2};
 
 /// Steps between two marks along which an edge is looked for.
@@ -32,12 +31,6 @@ const MAX_OFF: f64 = 2.0;
 /// The same for lines of two points, of which the lens gives the course: at twice as much edges of bodies and of water are taken for
 /// continuations of what was found there.
 const MAX_OFF_LENS: f64 = 1.0;
-/// Least distance of points along which an edge is looked for, px: two samples.
-const MIN_STEP: f64 = 4.0;
-/// Least number of samples of a run.
-const MIN_RUN: usize = 5;
-/// A run is the part of the known samples that is so many to one; the first.
-const FIRST_PART: usize = 4;
 /// Samples per further point, 16 px: the mean of eight is accurate to a twentieth of a pixel.
 const AVERAGED: usize = 8;
 /// Least length of a continuation, px: shorter ones are within the error of a mark.
@@ -116,7 +109,7 @@ struct Followed {
 impl Followed {
     /// `None` where no edge is seen along a line, or its marks do not lie on it.
     fn new(line: &Line, lens: &Lens, tracer: &EdgeTracer<'_>, max_off: f64) -> Option<Self> {
-        let edge = tracer.trace(&thinned(line.course(Some(lens), COURSE)))?.smooth();
+        let edge = tracer.trace(&line.course(Some(lens), COURSE))?.smooth();
         let sights: Vec<Option<Sight>> = edge.points.iter().map(|p| Sight::new(lens, *p)).collect();
         let (known, normal) = supported(&sights, edge.course.clone(), max_off)?;
         let is_off = |p: &Point2| Sight::new(lens, *p).is_none_or(|mark| !(mark.distance(&normal).abs() <= max_off));
@@ -159,43 +152,13 @@ impl Followed {
     }
 }
 
-/// A course without points closer than [`MIN_STEP`], so that marks that lie close do not count for more samples than others.
-fn thinned(course: Vec<Point2>) -> Vec<Point2> {
-    let mut kept: Vec<Point2> = Vec::new();
-    for p in course {
-        if kept.last().is_none_or(|last| (p - last).norm() >= MIN_STEP) {
-            kept.push(p);
-        }
-    }
-    kept
-}
-
 /// The samples of an edge that lie on one great circle with those of `course`, and its normal; `None` where those of `course` do not.
 fn supported(sights: &[Option<Sight>], course: Range<usize>, max_off: f64) -> Option<(Range<usize>, Vec3)> {
-    let circle = |known: &Range<usize>| best_circle(&seen(&sights[known.clone()]));
-    let fits = |run: Range<usize>, normal: &Vec3| {
-        let mut offs: Vec<f64> = seen(&sights[run]).iter().map(|s| s.distance(normal).abs()).collect();
-        offs.sort_by(f64::total_cmp);
-        offs.get(offs.len() / 2).is_some_and(|usual| *usual <= max_off)
-    };
-    let (mut known, mut part) = (course, FIRST_PART);
-    let mut normal = circle(&known)?;
-    if !fits(known.clone(), &normal) {
-        return None;
-    }
-    loop {
-        let step = (known.len() / part).max(MIN_RUN);
-        let (start, end) = (known.start.saturating_sub(step), (known.end + step).min(sights.len()));
-        let (before, after) = (fits(start..known.start, &normal), fits(known.end..end, &normal));
-        match (before, after) {
-            (false, false) if step == MIN_RUN => return Some((known, normal)),
-            (false, false) => part *= 2,
-            _ => {
-                known = if before { start } else { known.start }..if after { end } else { known.end };
-                normal = circle(&known)?;
-            }
-        }
-    }
+    let circle = |known: Range<usize>| best_circle(&seen(&sights[known]));
+    let off = |normal: &Vec3, k: usize| sights[k].as_ref().map(|s| s.distance(normal).abs());
+    let (known, normal) = grown(course.clone(), sights.len(), max_off, circle, off)?;
+    let on = course.clone().filter(|k| off(&normal, *k).is_some_and(|off| off <= max_off)).count();
+    (2 * on > course.len()).then_some((known, normal))
 }
 
 fn seen(sights: &[Option<Sight>]) -> Vec<Sight> {
