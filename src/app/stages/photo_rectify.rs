@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::{Map, json};
 
-use super::lines_detect::{Constraints, LineSearch};
+use super::lines_detect::line_search;
 use super::photo::lens::{self, LensRequest, lens_file};
 use super::photo::{rectangle, rectified, rects, report_lines, view};
 use super::prelude::*;
@@ -13,6 +13,7 @@ use crate::pipeline::sizes::{PictureSize, TargetSize, ViewAngles, ViewField};
 use plumbline_camera::{FieldAxis, Lens, Projection};
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
+use plumbline_photo::line_detection::LineConstraints;
 use plumbline_photo::rectify::{Crop, OutputSize, RectifyInput, RectifyOptions, Target, Window};
 use plumbline_photo::{PhotoWarp, measure_straightness};
 
@@ -109,10 +110,11 @@ impl Stage for PhotoRectifySettings {
         found.warnings.iter().for_each(|w| context.warn(w.clone()));
         context.job.check_cancel()?;
         // The map, in a size that may depend on that of the result.
-        let search = LineSearch::of(&photo.frame);
-        let Constraints { lines, soft } = match &search {
-            Some(search) => search.constraints((set.lines, set.found), &found.lens, &faces, &context.job.run())?,
-            None => Constraints { lines: set.lines, soft: Vec::new() },
+        let search = line_search(&photo.frame);
+        let LineConstraints { lines, soft } = match &search {
+            Some(search) if set.found => search.of_found(set.lines, &found.lens, &faces),
+            Some(search) => search.of_marked(&set.lines, &found.lens, &faces, &context.job.run())?,
+            None => LineConstraints { lines: set.lines, soft: Vec::new() },
         };
         let input = RectifyInput {
             lens: &found.lens,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde_json::Map;
 
-pub use super::lines_detect::LineSearch;
+pub use super::lines_detect::line_search;
 pub use super::photo::lens::{Found as FoundLens, LensClues, LensRequest, find as find_lens};
 use super::values::PhotoMap;
 use super::{ImageRenderSettings, PhotoRectifySettings, image_load, image_render, photo, photo_rectify};

@@ -16,6 +16,7 @@
 mod arc;
 mod continuation;
 mod curves;
+mod search;
 mod select;
 mod snap;
 #[cfg(test)]
@@ -37,6 +38,7 @@ use plumbline_num::run::{Run, Stopped};
 
 pub use continuation::{continued, followed};
 pub use curves::curves;
+pub use search::{LineConstraints, LineSearch};
 pub use snap::snapped;
 pub use unmarked::unmarked;
 

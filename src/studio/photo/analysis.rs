@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::protocol::PhotoInfo;
 use crate::error::StudioError;
 use plumbline_app::pipeline::RunError;
-use plumbline_app::stages::photo_steps::{LensClues, LineSearch, load};
+use plumbline_app::stages::photo_steps::{LensClues, line_search, load};
 use plumbline_app::stages::{FacesDetectSettings, ImageLoadSettings};
 use plumbline_image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
 use plumbline_image::still::{ExifTags, Photo};
@@ -15,6 +15,7 @@ use plumbline_image::warp::{Map, WarpField};
 use plumbline_num::math::Point2;
 use plumbline_num::run::{Run, Stopped};
 use plumbline_photo::Line;
+use plumbline_photo::line_detection::LineSearch;
 
 /// Pixels up to which the whole photo stays in memory. A larger one is read again for an export, and zoomed into as far as its copy
 /// of so many pixels shows.
@@ -64,7 +65,7 @@ impl Analysis {
         let mut photo = read(path, settings)?;
         run.check()?;
         let clues = LensClues::of(&photo);
-        let search = LineSearch::of(&photo.frame);
+        let search = line_search(&photo.frame);
         let drafts = drafts_of(&photo, run)?;
         let size = (photo.frame.width, photo.frame.height);
         let warnings = std::mem::take(&mut photo.warnings);

@@ -206,7 +206,12 @@ impl PhotoWorkspace {
     ) -> Result<MapInput, StudioError> {
         let input = self.map_input(document, lens, self.lines_in_use(document).unwrap_or_default());
         let Some(search) = &self.analysis.search else { return Ok(input) };
-        let made = search.constraints((input.lines, input.found), &input.lens, &input.faces, run).map_err(method)?;
+        let (lens, faces) = (&input.lens, &input.faces);
+        let made = if input.found {
+            search.of_found(input.lines, lens, faces)
+        } else {
+            search.of_marked(&input.lines, lens, faces, run)?
+        };
         Ok(MapInput { lines: made.lines, soft: made.soft, ..input })
     }
 
@@ -233,7 +238,7 @@ impl PhotoWorkspace {
             found.key == key || document.has_lines_in_use() && lens.is_some() && found.key.starts_with("own ")
         });
         let Some(search) = self.analysis.search.as_ref().filter(|_| !known) else { return Ok(false) };
-        let lines = search.lines(lens.map(|found| &found.lens), run).map_err(method)?;
+        let lines = search.lines(lens.map(|found| &found.lens), run)?;
         self.analysis.found = Some(Found { key, lines: lines.into() });
         Ok(true)
     }
