@@ -132,11 +132,11 @@ impl Found {
     fn report(&self, samples: usize, warnings: &mut Vec<String>) {
         let percent = |count: usize| 100.0 * count as f64 / samples as f64;
         if self.above > 0 {
+            let brightest = if self.max < 1e4 { format!("{:.3}", self.max) } else { format!("{:.2e}", self.max) };
             warnings.push(format!(
-                "{:.2} % of its samples are brighter than white (1; the brightest is {:.3}) and became white; \
+                "{:.2} % of its samples are brighter than white (1; the brightest is {brightest}) and became white; \
                  scale the picture first to keep them",
-                percent(self.above),
-                self.max
+                percent(self.above)
             ));
         }
         if self.below > 0 {

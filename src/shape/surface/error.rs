@@ -112,8 +112,7 @@ pub enum SurfaceError {
     /// Numerics: a system that is determined, and not in double precision.
     #[error(
         "the equations of the component of {vertices} vertices that contains vertex {vertex} have no safe solution: its triangles are too thin, \
-         or of too different sizes, for double precision, or its constraints are too weak; repair or remesh it, or raise the weights of its \
-         handles"
+         or of too different sizes, for double precision; repair or remesh it, or, where handles hold it too weakly, raise their weights"
     )]
     IllConditioned {
         /// A vertex of the component.
