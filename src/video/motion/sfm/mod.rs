@@ -9,6 +9,7 @@ mod essential_pose;
 mod figures;
 mod five_point;
 mod focal;
+mod focal_course;
 mod fundamental;
 mod global_mapping;
 mod gric;

@@ -20,7 +20,7 @@ use super::rotation_estimation::{estimate_rotations, focal_of_rotations};
 use super::two_view::TwoViewVerdict;
 use super::verdict::{MIN_ANGLE, SfmVerdict, judged, predicts};
 use super::view_graph::{Edge, shared_focal, view_graph};
-use super::zoom::zoom_between;
+use super::zoom::zoom;
 use super::{Scene, TrackTable};
 use plumbline_camera::{CameraPose, Intrinsics};
 use plumbline_num::math::median;
@@ -110,12 +110,10 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions, run: &Run) -> Resul
         Kind::Rotation => shot.rotation_only()?,
         Kind::Nothing => shot.failed("no two keyframes agree on any motion"),
     };
-    if found.verdict != SfmVerdict::Failed {
-        return Ok(found);
-    }
-    Ok(match zoom_between(&shot.edges, &guess, run)? {
+    let turning = found.verdict != SfmVerdict::ThreeD;
+    Ok(match zoom(&shot.edges, &guess, turning, run)? {
         Some(factor) => {
-            let reason = format!("the focal length changes, by {factor:.2} in a second or so");
+            let reason = format!("the focal length changes, by a factor of {factor:.2}");
             without_cameras(table, guess, SfmVerdict::Zoom, reason)
         }
         None => found,
