@@ -156,6 +156,8 @@ struct Joint<'a> {
     poses: Vec<EssentialChart>,
     /// `ln f` at the knots.
     ln_focals: DVector<f64>,
+    /// Number of correspondences of pairs without a pose: none of them is explained.
+    lost: usize,
     energy: f64,
 }
 
@@ -171,13 +173,16 @@ struct Vote {
 impl<'a> Joint<'a> {
     /// `None` where no pair has a pose.
     fn new(pairs: &[Pair<'a>], ln_focals: DVector<f64>, options: &FocalOptions, run: &Run) -> Option<Self> {
-        let mut joint = Self { pairs: Vec::new(), poses: Vec::new(), ln_focals, energy: 0.0 };
+        let mut joint = Self { pairs: Vec::new(), poses: Vec::new(), ln_focals, lost: 0, energy: 0.0 };
         for pair in pairs {
             let focals: Vector2<f64> = joint.shares(pair) * &joint.ln_focals;
             let found = essential(pair.matches, [focals[0].exp(), focals[1].exp()], options, run);
-            if let Some(pose) = found.and_then(|m| EssentialChart::of_matrix(&m)) {
-                joint.pairs.push(*pair);
-                joint.poses.push(pose);
+            match found.and_then(|m| EssentialChart::of_matrix(&m)) {
+                Some(pose) => {
+                    joint.pairs.push(*pair);
+                    joint.poses.push(pose);
+                }
+                None => joint.lost += pair.matches.len(),
             }
         }
         joint.energy = joint.total_energy(options.threshold);
@@ -191,11 +196,8 @@ impl<'a> Joint<'a> {
         options: &FocalOptions,
         run: &Run,
     ) -> Option<Self> {
-        let count = |pairs: &[Pair<'_>]| pairs.iter().map(|p| p.matches.len()).sum::<usize>();
-        // A pair without a pose counts as one of which nothing is explained.
-        let cost = |joint: &Self| joint.energy + (count(pairs) - count(&joint.pairs)) as f64;
         let joints = guesses.filter_map(|guess| Self::new(pairs, guess, options, run));
-        joints.min_by(|a, b| cost(a).total_cmp(&cost(b)))
+        joints.min_by(|a, b| a.energy.total_cmp(&b.energy))
     }
 
     /// By how much each of the two focal lengths of a pair changes with each knot: hat functions.
@@ -218,7 +220,7 @@ impl<'a> Joint<'a> {
             let m = self.chart(k).matrix();
             self.pairs[k].matches.iter().map(|c| 1.0 - slack(&m, c, threshold).powi(3)).sum::<f64>()
         };
-        (0..self.pairs.len()).map(of_pair).sum()
+        self.lost as f64 + (0..self.pairs.len()).map(of_pair).sum::<f64>()
     }
 
     fn vote(&self, k: usize, threshold: f64, damping: f64) -> Option<Vote> {
@@ -330,7 +332,8 @@ impl<'a> Joint<'a> {
             let own: Vector2<f64> = self.shares(pair) * &change;
             vote.as_ref().map_or(*pose, |v| pose.moved(&-(v.inverse * (v.by_pose + v.coupling * own))))
         });
-        let mut next = Self { pairs: self.pairs.clone(), poses: poses.collect(), ln_focals, energy: 0.0 };
+        let mut next =
+            Self { pairs: self.pairs.clone(), poses: poses.collect(), ln_focals, lost: self.lost, energy: 0.0 };
         next.energy = next.total_energy(options.threshold);
         Some(next)
     }
