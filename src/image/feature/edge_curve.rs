@@ -60,11 +60,12 @@ impl TracedEdge {
 /// ```
 /// use plumbline_image::feature::grown;
 ///
-/// let samples = [9.0, 1.0, 1.1, 0.9, 1.0, 1.1, 1.0, 0.9, 5.0, 5.1, 5.0, 5.1, 5.0];
+/// // A level, and from the twelfth sample on another.
+/// let samples: Vec<f64> = (0..20).map(|k| if k < 12 { 1.0 + 0.1 * f64::from(k % 3) } else { 5.0 }).collect();
 /// let mean = |run: std::ops::Range<usize>| Some(samples[run.clone()].iter().sum::<f64>() / run.len() as f64);
 /// let off = |mean: &f64, k: usize| Some((samples[k] - mean).abs());
-/// let (run, mean) = grown(2..6, samples.len(), 0.5, mean, off).expect("a mean");
-/// assert!(run.end == 8 && (mean - 1.0).abs() < 0.1);
+/// let (run, mean) = grown(2..7, samples.len(), 0.5, mean, off).expect("a mean");
+/// assert!(run == (0..12) && (mean - 1.1).abs() < 0.01);
 /// ```
 pub fn grown<M>(
     known: Range<usize>,
