@@ -1,7 +1,7 @@
 //! Estimation of one focal length common to many image pairs.
 //!
 //! The fundamental matrices of the pairs give an initial guess, the focal length for which they are closest to essential
-//! ([`super::view_graph_focal()`]); all poses and the focal length are then refined together (`focal_course.rs`, with one knot).
+//! ([`super::view_graph_focal()`]); all poses and the focal length are then refined together (`varying_focal.rs`, with one knot).
 //!
 //! Two further initial guesses were tried, with the lowest energy selecting the result: a sweep of focal lengths over
 //! essential matrices, and the median of closed forms. Of 46 clips and synthetic shots they changed four visibly,
@@ -11,9 +11,9 @@
 use nalgebra::Matrix3;
 
 use super::correspondence::Correspondence;
-use super::focal_course::{Pair, focal_course};
 use super::fundamental::ByFundamental;
 use super::robust_search::robust_search;
+use super::varying_focal::{Pair, varying_focal};
 use super::view_graph_focal::view_graph_focal;
 use plumbline_camera::Vec3;
 use plumbline_num::optim::ransac::MsacOptions;
@@ -72,7 +72,7 @@ fn estimated(pairs: &[Vec<Correspondence>], options: &FocalOptions, run: &Run) -
     let matrices: Vec<Matrix3<f64>> = found.iter().map(|(_, m)| *m).collect();
     let initial = view_graph_focal(&matrices, options.range)?;
     let usable: Vec<Pair<'_>> = found.iter().map(|(matches, _)| Pair { matches, times: [0.0; 2] }).collect();
-    let course = focal_course(&usable, initial, 1, options, run).ok()??;
+    let course = varying_focal(&usable, initial, 1, options, run).ok()??;
     let focal = course.ln_focals[0].exp().clamp(options.range.0, options.range.1);
     Some(FocalEstimate { focal, sigma_ln: course.covariance[(0, 0)].sqrt(), pairs: course.pairs })
 }

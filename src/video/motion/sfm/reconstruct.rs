@@ -110,8 +110,8 @@ pub fn reconstruct(table: &TrackTable, options: &SfmOptions, run: &Run) -> Resul
         Kind::Rotation => shot.rotation_only()?,
         Kind::Nothing => shot.failed("no two keyframes agree on any motion"),
     };
-    let turning = found.verdict != SfmVerdict::ThreeD;
-    Ok(match zoom(&shot.edges, &guess, turning, run)? {
+    let rotating = found.verdict != SfmVerdict::ThreeD;
+    Ok(match zoom(&shot.edges, &guess, rotating, run)? {
         Some(factor) => {
             let reason = format!("the focal length changes, by a factor of {factor:.2}");
             without_cameras(table, guess, SfmVerdict::Zoom, reason)

@@ -46,6 +46,14 @@ const PAIR_SCALE: f64 = 3.0;
 /// Standard deviation of the change of `ln f` from knot to knot: a weak prior that determines knots no pair sees.
 const STEP_SIGMA: f64 = 0.5;
 
+/// Changes of `ln f` over the shot from which the refinement starts; the one that explains most is taken. Under a constant focal length
+/// a zoom is explained by poses far from the true ones: from 0 alone, a sideways shot that zooms out by a third ends with a standard
+/// deviation of .4. ±.3 lies midway between no zoom and one by a factor of two.
+const INITIAL_CHANGES: [f64; 3] = [-0.3, 0.0, 0.3];
+
+/// Rounds in which pairs that disagree are down-weighted: their weights settle to a hundredth in ten.
+const ROUNDS: usize = 20;
+
 /// A pair of views and their times, as fractions of the shot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair<'a> {
@@ -55,7 +63,7 @@ pub(super) struct Pair<'a> {
 
 /// A focal length that may change over a shot.
 #[derive(Clone, Debug)]
-pub(super) struct FocalCourse {
+pub(super) struct VaryingFocal {
     /// `ln f` at equal distances from the start of the shot to its end.
     pub(super) ln_focals: DVector<f64>,
     /// Their covariance.
@@ -66,7 +74,7 @@ pub(super) struct FocalCourse {
     pub(super) energy: f64,
 }
 
-impl FocalCourse {
+impl VaryingFocal {
     /// The two knots between which `ln f` changes most, in order of time; the change and its standard deviation.
     pub(super) fn largest_change(&self) -> (f64, f64) {
         let knots = self.ln_focals.len();
@@ -81,27 +89,26 @@ impl FocalCourse {
     }
 }
 
-/// The course of the focal length over `knots` knots, near `focal`; `None` where the pairs do not determine it.
+/// The focal length over time at `knots` knots, near `focal`; `None` where the pairs do not determine it.
 ///
 /// # Errors
 /// [`Stopped`].
-pub(super) fn focal_course(
+pub(super) fn varying_focal(
     pairs: &[Pair<'_>],
     focal: f64,
     knots: usize,
     options: &FocalOptions,
     run: &Run,
-) -> Result<Option<FocalCourse>, Stopped> {
+) -> Result<Option<VaryingFocal>, Stopped> {
     let usable: Vec<Pair<'_>> = pairs.iter().filter(|p| p.matches.len() >= MIN_CORRESPONDENCES).copied().collect();
     let course = || {
-        // Under a constant focal length a zoom is explained by poses that are far from the true ones.
-        let changes: &[f64] = if knots > 1 { &[-0.3, 0.0, 0.3] } else { &[0.0] };
+        let changes: &[f64] = if knots > 1 { &INITIAL_CHANGES } else { &[0.0] };
         let guess = |change: &f64| {
             DVector::from_fn(knots, |k, _| focal.ln() + change * ((k as f64 / (knots - 1).max(1) as f64) - 0.5))
         };
-        let joint = Joint::best(&usable, changes.iter().map(guess), options, run)?.refined(options);
+        let joint = Joint::best(&usable, changes.iter().map(guess), options, run)?.refined(options, run);
         let (ln_focals, covariance) = joint.estimate(options)?;
-        Some(FocalCourse { ln_focals, covariance, pairs: joint.pairs.len(), energy: joint.energy })
+        Some(VaryingFocal { ln_focals, covariance, pairs: joint.pairs.len(), energy: joint.energy })
     };
     run.complete(course())
 }
@@ -149,7 +156,7 @@ fn inverse_k(ln_focal: f64) -> Matrix3<f64> {
     Matrix3::from_diagonal(&Vec3::new(inverse, inverse, 1.0))
 }
 
-/// Poses of all pairs under one course of the focal length.
+/// Poses of all pairs under one focal length over time.
 #[derive(Clone)]
 struct Joint<'a> {
     pairs: Vec<Pair<'a>>,
@@ -269,9 +276,13 @@ impl<'a> Joint<'a> {
         1.0 / (1.0 + squared / (PAIR_SCALE * PAIR_SCALE))
     }
 
-    fn refined(mut self, options: &FocalOptions) -> Self {
+    /// At the nearest minimum; anywhere on the way if the run was interrupted.
+    fn refined(mut self, options: &FocalOptions, run: &Run) -> Self {
         let mut damping = 1e-4;
         for _ in 0..MAX_STEPS {
+            if run.check().is_err() {
+                break;
+            }
             let Some(next) = self.stepped(options, damping).filter(|next| next.energy < self.energy) else {
                 damping *= 10.0;
                 if damping > 1e6 {
@@ -288,7 +299,7 @@ impl<'a> Joint<'a> {
         self
     }
 
-    /// The equations for the knots: information and pull, the information of each knot alone on the diagonal at least `least`.
+    /// The equations for the knots: information and pull.
     fn equations<'v>(
         &self,
         votes: impl Iterator<Item = (&'v Pair<'v>, Matrix2<f64>, Vector2<f64>)>,
@@ -347,7 +358,7 @@ impl<'a> Joint<'a> {
         let knots = self.ln_focals.len();
         let mut change = DVector::zeros(knots);
         let mut covariance = DMatrix::zeros(knots, knots);
-        for _ in 0..20 {
+        for _ in 0..ROUNDS {
             let weighed = votes.iter().map(|(pair, v)| {
                 let own: Vector2<f64> = self.shares(pair) * &change;
                 let pull = v.pull + v.information * own;
@@ -404,7 +415,7 @@ mod tests {
             })
             .collect();
         let pairs: Vec<Pair<'_>> = pairs.iter().map(|(matches, times)| Pair { matches, times: *times }).collect();
-        let course = focal_course(&pairs, 1.0, 4, &FocalOptions::for_width(1.0), &Run::default());
+        let course = varying_focal(&pairs, 1.0, 4, &FocalOptions::for_width(1.0), &Run::default());
         course.expect("a run that never stops").expect("parallax").largest_change()
     }
 
