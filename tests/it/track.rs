@@ -7,32 +7,10 @@ use plumbline::num::time::Timestamp;
 use plumbline::video::track::{
     AnalysisWindows, FrameTracks, Observation, TrackError, TrackJoiner, TrackOptions, TrackStore, Tracker,
 };
+use plumbline_testkit::plane::texture;
 
 const W: usize = 640;
 const H: usize = 360;
-
-/// Smooth value noise in [−1, 1]: lattice values blended by a smooth step.
-fn noise(x: f64, y: f64, seed: u64) -> f64 {
-    let (i, j) = (x.floor(), y.floor());
-    let smooth = |t: f64| t * t * (3.0 - 2.0 * t);
-    let (a, b) = (smooth(x - i), smooth(y - j));
-    let at = |di: f64, dj: f64| {
-        let key = ((i + di) as i64 as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            ^ ((j + dj) as i64 as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
-        let mut k = key ^ seed.wrapping_mul(0x1656_67b1_9e37_79f9);
-        k = (k ^ (k >> 31)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        k = (k ^ (k >> 29)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((k >> 40) as f64 / f64::from(1 << 23)) - 1.0
-    };
-    let (top, bottom) = (at(0.0, 0.0) * (1.0 - a) + at(1.0, 0.0) * a, at(0.0, 1.0) * (1.0 - a) + at(1.0, 1.0) * a);
-    top * (1.0 - b) + bottom * b
-}
-
-/// Gray value of the textured plane `seed` at a point, 0 to 255.
-fn texture(p: Point2, seed: u64) -> f64 {
-    let octave = |size: f64, k: u64| noise(p.x / size, p.y / size, seed * 16 + k);
-    (125.0 + 55.0 * octave(61.0, 0) + 45.0 * octave(17.0, 1) + 35.0 * octave(6.0, 2)).clamp(0.0, 255.0)
-}
 
 /// The plane seen through `frame_from_plane`.
 fn seen(frame_from_plane: &Homography, seed: u64) -> Plane<u8> {

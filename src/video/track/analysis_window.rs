@@ -28,6 +28,7 @@
 use std::ops::{Range, RangeInclusive};
 
 use super::tracker::{BLACK_FRAMES, FLASH_FRAMES};
+use plumbline_num::options::OptionError;
 
 /// Frames that a window owns: at 30 frames/s 20 s. The warm-up costs 2.7 % of the tracking; half the length would cost twice that,
 /// for twice the joins. Twice the length leaves a clip of ten minutes with too few windows for 16 processes. A sixth of the length
@@ -40,12 +41,20 @@ const WARM_UP: usize = 16;
 const _: () = assert!(WARM_UP as u32 > BLACK_FRAMES + FLASH_FRAMES + 1);
 
 /// Partition of a clip into analysis windows of fixed length, each tracked from nothing.
+///
+/// # Example
+/// ```
+/// use plumbline_video::track::AnalysisWindows;
+///
+/// let windows = AnalysisWindows::new(600, 16)?;
+/// assert_eq!((windows.count(1300), windows.owned(1), windows.read(1)), (3, 600..1200, 584..1200));
+/// assert_eq!((windows.of(583), windows.of(584)), (0..=0, 0..=1));
+/// # Ok::<(), plumbline_num::options::OptionError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnalysisWindows {
-    /// Frames that a window owns, `L`; 1 and up.
-    pub length: usize,
-    /// Frames before its own from which a window is tracked, `V`; at most `length`.
-    pub warm_up: usize,
+    length: usize,
+    warm_up: usize,
 }
 
 impl Default for AnalysisWindows {
@@ -55,6 +64,30 @@ impl Default for AnalysisWindows {
 }
 
 impl AnalysisWindows {
+    /// For tests: a few pictures have several borders.
+    #[cfg(test)]
+    pub(crate) const SHORT: Self = Self { length: 20, warm_up: 16 };
+
+    /// Windows that own `length` frames each, `L`, and are tracked from `warm_up` frames before, `V`.
+    ///
+    /// # Errors
+    /// [`OptionError`]: a length of 0, or a warm-up that is longer than a window.
+    pub fn new(length: usize, warm_up: usize) -> Result<Self, OptionError> {
+        OptionError::check(length > 0, "length of an analysis window", length as f64, "1 and up")?;
+        OptionError::check(warm_up <= length, "warm-up of an analysis window", warm_up as f64, "at most its length")?;
+        Ok(Self { length, warm_up })
+    }
+
+    /// Frames that a window owns.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Frames before its own from which a window is tracked.
+    pub fn warm_up(&self) -> usize {
+        self.warm_up
+    }
+
     /// Number of windows of a clip of `frames` frames.
     pub fn count(&self, frames: usize) -> usize {
         frames.div_ceil(self.length)
@@ -62,7 +95,8 @@ impl AnalysisWindows {
 
     /// The frames that a window owns; the last one of a clip owns those that there are.
     pub fn owned(&self, window: usize) -> Range<usize> {
-        window * self.length..(window + 1) * self.length
+        let start = window.saturating_mul(self.length);
+        start..start.saturating_add(self.length)
     }
 
     /// The frames that a window is tracked through: its own and the warm-up.

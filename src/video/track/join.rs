@@ -40,6 +40,10 @@ const RADIUS_PX: f32 = SAME_POINT_PX;
 /// differ by more.
 const AGREEMENT_PX: f32 = 0.5;
 
+/// Tracks of the former window in a cell of side R that are compared: the tracker leaves one, and offsets move few into another's
+/// cell. A window file that says that all of its tracks are at one point costs no more than others.
+const MAX_PER_CELL: usize = 8;
+
 /// Joins the frames of analysis windows, in bounded memory.
 #[derive(Debug)]
 pub struct TrackJoiner {
@@ -129,7 +133,7 @@ impl TrackJoiner {
             self.warm_up.push(tracks);
             return Ok(None);
         }
-        let expected = self.next / self.windows.length;
+        let expected = self.next / self.windows.length();
         if window != expected {
             return Err(JoinError::Order { expected, found: window, frame: self.next });
         }
@@ -194,13 +198,20 @@ impl TrackJoiner {
 
     /// Pairs of a track of `former` and one of `next`, observed in the same frame, that satisfy both conditions of the module.
     fn candidates(&self, former: &FrameTracks, next: &[Observation], warm_up: &[FrameTracks]) -> Vec<Candidate> {
-        let mut by_x: Vec<&Observation> = former.observations.iter().collect();
-        by_x.sort_by(|a, b| a.x.total_cmp(&b.x));
         let radius = RADIUS_PX * self.unit_px;
+        let cell = |o: &Observation| ((o.x / radius) as i64, (o.y / radius) as i64);
+        let mut cells: HashMap<(i64, i64), Vec<&Observation>> = HashMap::new();
+        for p in &former.observations {
+            let inside = cells.entry(cell(p)).or_default();
+            if inside.len() < MAX_PER_CELL {
+                inside.push(p);
+            }
+        }
         let mut found = Vec::new();
         for q in next {
-            let near = by_x.partition_point(|p| p.x < q.x - radius);
-            for p in by_x[near..].iter().take_while(|p| p.x <= q.x + radius) {
+            let (i, j) = cell(q);
+            let around = (i - 1..=i + 1).flat_map(|i| (j - 1..=j + 1).map(move |j| (i, j)));
+            for p in around.filter_map(|cell| cells.get(&cell)).flatten() {
                 let offset = difference(p, q);
                 let distance = offset[0].hypot(offset[1]);
                 if distance <= f64::from(radius) && self.agree(p.id, q.id, offset, warm_up) {
@@ -233,7 +244,7 @@ impl TrackJoiner {
         tracks.observations.sort_unstable_by_key(|o| o.id);
         self.recent.push_back(tracks);
         self.next += 1;
-        if self.recent.len() > self.windows.warm_up { self.recent.pop_front() } else { None }
+        if self.recent.len() > self.windows.warm_up() { self.recent.pop_front() } else { None }
     }
 
     /// An observation of the present window as one of the clip; `None` where the offset moves it out of the picture.

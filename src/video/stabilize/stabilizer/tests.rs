@@ -249,7 +249,7 @@ fn motion_file((motion, tracks): (ClipMotion, Tracks)) -> Vec<u8> {
 #[test]
 fn windows_tracked_apart_in_any_order_give_the_motion_file_of_one_pass_bit_for_bit() {
     let (source, options) = (Wall::new(60), TrackingOptions::default());
-    let windows = AnalysisWindows { length: 20, warm_up: 16 };
+    let windows = AnalysisWindows::new(20, 16).expect("in range");
     let mut one_pass = ClipTracker::in_windows(&source.info(), &options, windows, None).expect("no mask");
     for t in 0..source.frames {
         one_pass.push(&Wall::frame(t)).expect("room for tracks");
@@ -269,7 +269,7 @@ fn windows_tracked_apart_in_any_order_give_the_motion_file_of_one_pass_bit_for_b
         joiner.push(WindowTracks::read(&file[..]).expect("just written")).expect("in order");
     }
     assert!(motion_file(joiner.finish().expect("frames")) == one_pass);
-    let whole = AnalysisWindows { length: 60, ..windows };
+    let whole = AnalysisWindows::new(60, 16).expect("in range");
     let mut undivided = ClipTracker::in_windows(&source.info(), &options, whole, None).expect("no mask");
     (0..60).for_each(|t| assert!(!undivided.push(&Wall::frame(t)).expect("room for tracks")));
     assert!(motion_file(undivided.finish().expect("frames")) != one_pass, "the borders are there");

@@ -5,36 +5,18 @@ use crate::track::{FrameQuality, TrackOptions, Tracker};
 use plumbline_image::Plane;
 use plumbline_num::math::{Point2, Similarity2, Vec2};
 use plumbline_num::time::Timestamp;
+use plumbline_testkit::plane::texture;
 use rayon::prelude::*;
 
 const W: usize = 320;
 const H: usize = 180;
-
-/// Smooth value noise in [−1, 1]: lattice values blended by a smooth step.
-fn noise(x: f64, y: f64, seed: u64) -> f64 {
-    let (i, j) = (x.floor(), y.floor());
-    let smooth = |t: f64| t * t * (3.0 - 2.0 * t);
-    let (a, b) = (smooth(x - i), smooth(y - j));
-    let at = |di: f64, dj: f64| {
-        let key = ((i + di) as i64 as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-            ^ ((j + dj) as i64 as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
-        let mut k = key ^ seed.wrapping_mul(0x1656_67b1_9e37_79f9);
-        k = (k ^ (k >> 31)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        k = (k ^ (k >> 29)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((k >> 40) as f64 / f64::from(1 << 23)) - 1.0
-    };
-    let (top, bottom) = (at(0.0, 0.0) * (1.0 - a) + at(1.0, 0.0) * a, at(0.0, 1.0) * (1.0 - a) + at(1.0, 1.0) * a);
-    top * (1.0 - b) + bottom * b
-}
 
 /// The textured plane `seed` seen through `frame_from_plane`.
 fn seen(frame_from_plane: &Similarity2, seed: u64) -> Plane<u8> {
     let plane_from_frame = frame_from_plane.inverse().expect("a camera in front of the plane");
     Plane::from_fn(W, H, |x, y| {
         let p = plane_from_frame.apply(Point2::new(x as f64 + 0.5, y as f64 + 0.5));
-        let octave = |size: f64, k: u64| noise(p.x / size, p.y / size, seed * 16 + k);
-        let gray: f64 = 125.0 + 55.0 * octave(61.0, 0) + 45.0 * octave(17.0, 1) + 35.0 * octave(6.0, 2);
-        gray.clamp(0.0, 255.0).round() as u8
+        texture(p, seed).round() as u8
     })
 }
 
@@ -68,7 +50,7 @@ fn misses(a: &FrameTracks, b: &FrameTracks, b_from_a: &Similarity2) -> Vec<f64> 
 }
 
 /// Short windows, so that a few pictures have several borders.
-const WINDOWS: AnalysisWindows = AnalysisWindows { length: 20, warm_up: 16 };
+const WINDOWS: AnalysisWindows = AnalysisWindows::SHORT;
 
 /// The pictures of each window, tracked by a tracker of its own.
 fn in_windows(windows: AnalysisWindows, pictures: &[&Plane<u8>]) -> Vec<(usize, Vec<FrameTracks>)> {
@@ -106,7 +88,7 @@ fn refs(pictures: &[Plane<u8>]) -> Vec<&Plane<u8>> {
 
 /// The clip as one window.
 fn undivided(pictures: &[&Plane<u8>]) -> Vec<FrameTracks> {
-    let whole = AnalysisWindows { length: pictures.len(), ..WINDOWS };
+    let whole = AnalysisWindows::new(pictures.len().max(16), 16).expect("in range");
     joined(whole, in_windows(whole, pictures))
 }
 
@@ -128,7 +110,7 @@ fn long_tracks_keep_their_ids_and_their_motion_across_borders() {
     let pictures: Vec<_> = cameras.iter().map(|h| seen(h, 1)).collect();
     let (clip, whole) = (joined(WINDOWS, in_windows(WINDOWS, &refs(&pictures))), undivided(&refs(&pictures)));
     assert_eq!(clip.len(), 60);
-    for border in [WINDOWS.length, 2 * WINDOWS.length] {
+    for border in [WINDOWS.length(), 2 * WINDOWS.length()] {
         for i in border - 1..=border + 1 {
             let truth = cameras[i] * cameras[i - 1].inverse().expect("regular");
             let misses = misses(&clip[i - 1], &clip[i], &truth);
@@ -206,9 +188,9 @@ const EVENTS: [(&str, Event); 6] = [
 
 #[test]
 fn events_at_every_offset_from_a_border_are_classified_as_by_an_undivided_tracker() {
-    let pictures = Pictures::new(2 * WINDOWS.length);
-    let border = WINDOWS.length;
-    let starts = border - WINDOWS.warm_up - 2..border + 3;
+    let pictures = Pictures::new(2 * WINDOWS.length());
+    let border = WINDOWS.length();
+    let starts = border - WINDOWS.warm_up() - 2..border + 3;
     let cases: Vec<_> = EVENTS.into_iter().flat_map(|event| starts.clone().map(move |start| (event, start))).collect();
     cases.par_iter().for_each(|&((name, event), start)| {
         let shown = |i: usize| i.checked_sub(start).and_then(|k| event(&pictures, i, k)).unwrap_or(&pictures.plain[i]);
