@@ -30,6 +30,7 @@ use plumbline::shape::surface::handle_file::HandleFile;
 use plumbline::video::motion::ClipMotion;
 use plumbline::video::motion::exchange::colmap;
 use plumbline::video::stabilize::PathFile;
+use plumbline::video::track::{AnalysisWindows, TrackJoiner, WindowTracks};
 
 /// A motion file of any bytes is refused or read, never a panic; what was read can be written and read again.
 pub fn motion_file(bytes: &[u8]) {
@@ -39,6 +40,24 @@ pub fn motion_file(bytes: &[u8]) {
             ClipMotion::from_json(&text[..]).expect("own files are read");
         }
     }
+}
+
+/// A window file of any bytes is refused or read, never a panic; what was read is written as it was, and joins or is refused.
+pub fn window_file(bytes: &[u8]) {
+    let Ok(window) = WindowTracks::read(bytes) else { return };
+    let mut again = Vec::new();
+    window.write(&mut again).expect("memory");
+    let mut twice = Vec::new();
+    WindowTracks::read(&again[..]).expect("own files are read").write(&mut twice).expect("memory");
+    assert!(again == twice);
+    // As the first window and the next, of two frames each with a warm-up of one.
+    let mut joiner = TrackJoiner::new(AnalysisWindows::new(2, 1).expect("in range"), window.size, window.size.0);
+    for (index, frame) in window.frames.into_iter().enumerate() {
+        if joiner.push(usize::from(index >= 2), frame).is_err() {
+            return;
+        }
+    }
+    joiner.finish().for_each(drop);
 }
 
 /// A clip of any bytes is refused or read, never a panic or a hang. What is read is encoded with everything else of it copied,

@@ -16,7 +16,7 @@ use plumbline::shape::character::regression::{Example, RegressionModel, Regressi
 use plumbline::shape::mesh::io::{WriteOptions, decode_model, encode_model};
 use plumbline::shape::mesh::{MeshFormat, Model, ReadLimits, shapes};
 use plumbline::video::motion::{ClipMotion, FrameMotion, MotionQuality};
-use plumbline::video::track::{FrameQuality, FrameTracks, Observation, TrackStore};
+use plumbline::video::track::{FrameQuality, FrameTracks, Observation, TrackStore, WindowTracks};
 
 /// Mutated inputs for each target.
 const ROUNDS: usize = 30_000;
@@ -165,6 +165,23 @@ fn no_motion_file_makes_the_reader_panic() {
     let mut with_tracks = Vec::new();
     clip.write_json_with_tracks(&mut with_tracks, &store).expect("a small file");
     hammer(&[text, with_tracks, b"{}".to_vec(), b"[]".to_vec()], bodies::motion_file, 2);
+}
+
+#[test]
+fn no_window_file_makes_the_reader_or_the_joiner_panic() {
+    let tracks = |k: u16| {
+        let at = |id: u32| Observation { id, x: (id * 9 % 60) as f32, y: 0.5 * f32::from(k), background: true };
+        let observations = (0..7).map(at).collect();
+        FrameTracks { pts: Timestamp(i64::from(k)), observations, quality: FrameQuality::default() }
+    };
+    // The second window begins with its warm-up, the last frame of the first.
+    let frames = [0, 1, 1, 2, 3].map(tracks).to_vec();
+    let window = |window| {
+        let mut bytes = Vec::new();
+        WindowTracks { size: (64, 48), window, frames: frames.clone() }.write(&mut bytes).expect("memory");
+        bytes
+    };
+    hammer_times(FEW_ROUNDS, &[window(0), window(3)], bodies::window_file, 60);
 }
 
 #[test]
