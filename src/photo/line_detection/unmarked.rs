@@ -15,15 +15,15 @@ const WEIGHT: f64 = 1e-2;
 /// points there: the two edges of a bar bend alike.
 const NEAR: f64 = 0.002;
 const REPEATED: f64 = 0.6;
-/// Steps of a course.
+/// Least number of steps of a course; a line that was followed has hundreds of points, and they are compared with those of every other.
 const STEPS: usize = 24;
 
 /// The found lines that repeat no marked one, with their weights; all in px of the picture that `lens` is of.
 pub fn unmarked(found: &[DetectedLine], marked: &[Line], lens: &Lens) -> Vec<SoftLine> {
     let near = NEAR * lens.size.0.hypot(lens.size.1);
-    let courses: Vec<Vec<Point2>> = marked.iter().map(|line| line.course(Some(lens), STEPS)).collect();
+    let courses: Vec<Vec<Point2>> = marked.iter().map(|line| sampled(line, lens)).collect();
     let repeats = |line: &Line| {
-        let points = line.course(Some(lens), STEPS);
+        let points = sampled(line, lens);
         let close = |p: &&Point2| courses.iter().any(|course| distance(course, p) <= near);
         points.iter().filter(close).count() as f64 > REPEATED * points.len() as f64
     };
@@ -31,6 +31,15 @@ pub fn unmarked(found: &[DetectedLine], marked: &[Line], lens: &Lens) -> Vec<Sof
     fresh
         .map(|detected| SoftLine { points: detected.line.points.clone(), weight: WEIGHT * detected.coverage.powi(2) })
         .collect()
+}
+
+/// The course of a line in [`STEPS`] to twice as many steps, the ends among them.
+fn sampled(line: &Line, lens: &Lens) -> Vec<Point2> {
+    let spans = line.points.len().saturating_sub(1).max(1);
+    let course = line.course(Some(lens), STEPS.div_ceil(spans));
+    let stride = (course.len() / STEPS).max(1);
+    let last = course.len().saturating_sub(1);
+    course.iter().enumerate().filter(|(k, _)| k % stride == 0 || *k == last).map(|(_, p)| *p).collect()
 }
 
 /// Distance of a point from a polyline.
