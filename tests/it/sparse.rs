@@ -72,6 +72,18 @@ fn every_ordering_gives_the_dense_solution() {
                     x.iter().zip(expected.iter()).map(|(z, e)| (z.re - e.re).hypot(z.im - e.im)).fold(0.0, f64::max);
                 assert!(err < 1e-13, "{cols}×{rows}, {ordering:?}: {err}");
             }
+            // Half of a solve, of columns with one entry each: products of two are entries of the inverse.
+            let inverse = dense.clone().try_inverse().expect("regular");
+            let chosen = [0, n / 2, n - 1];
+            let mut halves = vec![Complex::new(0.0, 0.0); 3 * n];
+            chosen.iter().zip(halves.chunks_mut(n)).for_each(|(&i, y)| y[i] = Complex::new(1.0, 0.0));
+            cholesky.half_solve_in_place(&mut halves);
+            for (&i, y) in chosen.iter().zip(halves.chunks(n)) {
+                for (&j, z) in chosen.iter().zip(halves.chunks(n)) {
+                    let product: C<f64> = y.iter().zip(z).map(|(y, z)| C::new(y.re, -y.im) * C::new(z.re, z.im)).sum();
+                    assert!((product - inverse[(i, j)]).norm() < 1e-13, "{cols}×{rows}, {ordering:?}: {i}, {j}");
+                }
+            }
         }
     }
 }

@@ -126,6 +126,11 @@ impl<T: Scalar> QuadraticEnergy<T> {
         self.cholesky.solve_in_place(rhs);
     }
 
+    /// Half of it: [`Cholesky::half_solve_in_place`].
+    pub(super) fn half_solve_in_place(&mut self, rhs: &mut [T]) {
+        self.cholesky.half_solve_in_place(rhs);
+    }
+
     /// The minimizer of what has been added since [`Self::clear`].
     ///
     /// # Errors

@@ -239,6 +239,36 @@ impl<T: Scalar> Cholesky<T> {
         (self.permuted_rhs, self.below) = (x, below);
     }
 
+    /// Replaces each column `b` of `rhs` by `y = L⁻¹ P b`, in elimination order: `yᴴ y′ = bᴴ A⁻¹ b′` of any two, at less than half of
+    /// what solving costs, since the blocks that a column does not reach are passed over.
+    ///
+    /// Allocates only when given more columns than ever before.
+    pub fn half_solve_in_place(&mut self, rhs: &mut [T]) {
+        let n = self.n();
+        if n == 0 {
+            return;
+        }
+        assert!(rhs.len().is_multiple_of(n), "{} values are not columns of {n}", rhs.len());
+        self.reserve_columns(1);
+        let mut x = std::mem::take(&mut self.permuted_rhs);
+        let mut below = std::mem::take(&mut self.below);
+        let old = self.order().old_from_new();
+        for column in rhs.chunks_exact_mut(n) {
+            let x = &mut x[..n];
+            x.iter_mut().zip(old).for_each(|(x, &old)| *x = column[old as usize]);
+            let reached = |block: &Block<'_, T>, x: &[T]| {
+                x[block.first..block.first + block.width].iter().any(|x| *x != T::default())
+            };
+            for block in self.blocks() {
+                if reached(&block, x) {
+                    forwards(&block, x, &mut below);
+                }
+            }
+            column.copy_from_slice(x);
+        }
+        (self.permuted_rhs, self.below) = (x, below);
+    }
+
     /// Makes room for solves with this many right-hand sides at once.
     pub fn reserve_columns(&mut self, columns: usize) {
         let size = self.n() * columns;
