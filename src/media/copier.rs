@@ -26,6 +26,8 @@ pub(super) struct Copier {
     span: (Option<i64>, Option<i64>),
     /// Packets that the muxer or the converter refused, by stream.
     refused: Vec<u64>,
+    /// Streams whose decoder's header changes on the way.
+    changed: Vec<bool>,
     pub(super) copied: u64,
 }
 
@@ -35,7 +37,7 @@ impl Copier {
         let demuxer = source.demux()?;
         let span = source.span_us(&demuxer);
         let ways: Vec<Way> = (0..demuxer.stream_count()).map(|_| Way::Left).collect();
-        let refused = vec![0; ways.len()];
+        let (refused, changed) = (vec![0; ways.len()], vec![false; ways.len()]);
         Ok(Self {
             clip: source.clone(),
             demuxer,
@@ -45,6 +47,7 @@ impl Copier {
             ended: false,
             span,
             refused,
+            changed,
             copied: 0,
         })
     }
@@ -133,6 +136,10 @@ impl Copier {
         for index in 0..self.ways.len() {
             let (repaired, dropped) = self.times(index).map_or((0, 0), |times| (times.repaired, times.dropped));
             let dropped = dropped + self.refused[index];
+            if self.changed[index] {
+                let name = describe(index, self.demuxer.stream(index));
+                warnings.push(format!("{name}: its header changes on the way; the copy has the first"));
+            }
             let counts: Vec<String> = [(repaired, "got another time"), (dropped, "left out")]
                 .into_iter()
                 .filter(|(count, _)| *count > 0)
@@ -198,6 +205,7 @@ impl Copier {
         let shift = Rational::MICRO.rescale(self.start_us().saturating_neg(), base);
         let kind = self.demuxer.stream(index).kind();
         let picture = self.demuxer.stream(index).is_attached_picture();
+        self.keep_first_header(index);
         let (out, mut packet, times) = match &mut self.ways[index] {
             Way::Left => return Ok(()),
             Way::Copied { out, times } => (*out, std::mem::replace(&mut self.packet, Packet::new()), times),
@@ -223,6 +231,17 @@ impl Copier {
         let strict = !muxer.allows_equal_times();
         let ready = times.get_or_insert_with(|| PacketTimes::new(kind, to, duration, strict)).push(packet);
         ready.map_or(Ok(()), |packet| self.write(muxer, index, packet))
+    }
+
+    /// A stream that has a header keeps it. Some containers repeat it within the stream (FLV of live streams), and FFmpeg's Matroska muxer
+    /// then writes a longer description of an AAC stream over the one it has, and over what follows: the video is no longer found.
+    fn keep_first_header(&mut self, index: usize) {
+        let known = self.demuxer.stream(index).header();
+        if known.is_empty() {
+            return;
+        }
+        let repeated = self.packet.take_new_header();
+        self.changed[index] |= repeated.is_some_and(|header| header != known);
     }
 
     fn write(&mut self, muxer: &mut Muxer, index: usize, mut packet: Packet) -> Result<(), AvError> {

@@ -122,3 +122,47 @@ fn an_odd_time_in_a_sound_packet_costs_neither_the_video_nor_the_sound() {
     let report = rewrite(&input(&clip), &folder.join("whole.mp4"));
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
 }
+
+/// Repeats the header of the sound of an FLV file before its packet `number`, as live streams do; `alter` changes the copy.
+fn with_repeated_header(flv: &[u8], number: usize, alter: impl Fn(&mut [u8])) -> Vec<u8> {
+    const START: usize = 13;
+    let length =
+        |at: usize| 15 + usize::from(flv[at + 1]) * 65536 + usize::from(flv[at + 2]) * 256 + usize::from(flv[at + 3]);
+    let mut tags = Vec::new();
+    let mut at = START;
+    while at < flv.len() {
+        tags.push(&flv[at..at + length(at)]);
+        at += length(at);
+    }
+    let is_sound = |tag: &&&[u8]| tag[0] == 8 && tag[11] >> 4 == 10;
+    let header = tags.iter().find(|tag| is_sound(tag) && tag[12] == 0).expect("a header of AAC");
+    let mut header = header.to_vec();
+    let before = *tags.iter().filter(|tag| is_sound(tag) && tag[12] == 1).nth(number).expect("so many packets");
+    header[4..8].copy_from_slice(&before[4..8]);
+    alter(&mut header);
+    let again = |tag: &&[u8]| if std::ptr::eq(*tag, before) { header.clone() } else { Vec::new() };
+    flv[..START].iter().copied().chain(tags.iter().flat_map(|tag| again(tag).into_iter().chain(tag.to_vec()))).collect()
+}
+
+#[test]
+fn a_header_that_is_repeated_within_a_stream_does_not_damage_the_copy() {
+    let Some(folder) = workshop() else { return };
+    let folder = folder.path();
+    let sound = "-f lavfi -i sine=duration=1:sample_rate=44100";
+    let clip = make(folder, "a.flv", &format!("{} {sound} -c:v flv1 -c:a aac", pattern(25)));
+    let bytes = std::fs::read(&clip).expect("read");
+    let sums = packet_sums(&clip, "a");
+    let from = folder.join("repeated.flv");
+    for (altered, alter) in [(false, (|_| ()) as fn(&mut [u8])), (true, |tag| tag[14] ^= 0x18)] {
+        std::fs::write(&from, with_repeated_header(&bytes, 10, alter)).expect("write");
+        for name in ["out.mkv", "out.mp4", "out.ts"] {
+            let target = folder.join(name);
+            let report = rewrite(&input(&from), &target);
+            assert_eq!(times(&target).len(), 25, "{name}: {:?}", report.warnings);
+            assert_eq!(packet_sums(&target, "a").len(), sums.len(), "{name}");
+            let told = report.warnings.iter().any(|w| w.contains("its header changes on the way"));
+            assert_eq!(told, altered, "{name}: {:?}", report.warnings);
+            std::fs::remove_file(target).expect("remove");
+        }
+    }
+}

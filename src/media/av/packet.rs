@@ -43,6 +43,21 @@ impl Packet {
         unsafe { ffi::av_packet_unref(self.as_mut_ptr()) };
     }
 
+    /// Takes the decoder's new header out of the packet, where it brings one.
+    pub(crate) fn take_new_header(&mut self) -> Option<Vec<u8>> {
+        let (kind, mut size) = (ffi::AVPacketSideDataType::AV_PKT_DATA_NEW_EXTRADATA, 0);
+        // SAFETY: a live packet; the result is null or readable for `size` bytes until the packet changes. Of size 0 it is none to muxers.
+        unsafe {
+            let data = ffi::av_packet_get_side_data(self.as_ptr(), kind, &raw mut size);
+            if data.is_null() || size == 0 {
+                return None;
+            }
+            let header = std::slice::from_raw_parts(data, size).to_vec();
+            ffi::av_packet_shrink_side_data(self.as_mut_ptr(), kind, 0);
+            Some(header)
+        }
+    }
+
     /// Fills the packet with a copy of `bytes`.
     pub(crate) fn set_data(&mut self, bytes: &[u8]) -> Result<(), AvError> {
         self.clear();

@@ -196,6 +196,16 @@ impl<'a> StreamRef<'a> {
         unsafe { pairs(self.0.metadata) }
     }
 
+    /// The decoder's header (FFmpeg's extradata); empty where none is known.
+    pub(crate) fn header(self) -> &'a [u8] {
+        let codec = self.par();
+        if codec.extradata.is_null() {
+            return &[];
+        }
+        // SAFETY: readable for that many bytes while the stream lives.
+        unsafe { std::slice::from_raw_parts(codec.extradata, codec.extradata_size.max(0) as usize) }
+    }
+
     /// Bytes of the stream's side data of one type.
     pub(super) fn side_data(self, kind: ffi::AVPacketSideDataType) -> Option<&'a [u8]> {
         let mut size = 0;
