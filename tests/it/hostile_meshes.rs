@@ -11,6 +11,7 @@ use plumbline::shape::character::io::parse_tgf;
 use plumbline::shape::character::weights::{WeightMethod, WeightOptions, bone_weights};
 use plumbline::shape::character::{CharacterError, CurveSkeleton};
 use plumbline::shape::mesh::{Model, TriMesh, shapes, write_model};
+use plumbline::shape::morph::{Trajectory, TrajectoryOptions};
 use plumbline::shape::surface::modal::{ModesOptions, modes};
 use plumbline::shape::surface::{Handles, Method, SurfaceError, deform};
 
@@ -200,6 +201,11 @@ fn systems_of_a_large_soup_are_refused_before_their_factors_are_allocated() {
     }
     let refused = modes(&soup, 3, &ModesOptions::default(), &Run::default()).unwrap_err().to_string();
     assert!(refused.contains("remesh"), "{refused}");
+    let turned = soup.with_positions(soup.positions().iter().map(|p| Point3::new(p.y, p.x, p.z)).collect());
+    let options = TrajectoryOptions::default();
+    let refused = Trajectory::new(&soup, &turned.expect("finite"), &options, &Run::default());
+    let refused = refused.err().map(|e| e.to_string());
+    assert!(refused.as_ref().is_some_and(|r| r.contains("too many unknowns")), "{refused:?}");
 }
 
 #[test]

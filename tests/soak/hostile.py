@@ -79,16 +79,20 @@ def write(path, points, faces):
     path.write_text("\n".join(lines) + "\n")
 
 
-def commands(folder, points):
-    """What is run on a mesh, by name; its files of handles and bones lie beside it."""
+def commands(folder, points, faces):
+    """What is run on a mesh, by name; what else that reads lies beside it."""
     last = len(points) - 1
     held = {"vertices": {"indices": [1, 2, 3]}}
     moved = {"vertices": {"indices": [last - 1, last]}, "rigid": {"translation": [0.3, 0.2, 0.1]}}
     handles = {"format": "plumbline.handles", "version": 1, "handles": [held, moved]}
     (folder / "handles.json").write_text(json.dumps(handles))
     (folder / "bones.tgf").write_text("1 0.5 0.5 0\n2 0.5 0.5 0.5\n3 0.5 0.5 1\n#\n1 2\n2 3\n")
+    write(folder / "moved.off", [[y, x + 0.2 * math.sin(3 * z), z] for x, y, z in points], faces)
+    pairs = [[k * last // 5, k * last // 5] for k in range(6)]
+    (folder / "pairs.json").write_text(json.dumps({"format": "plumbline.landmarks", "version": 1, "pairs": pairs}))
     deform = ["deform", "mesh.off", "--handles", "handles.json", "-o", "out.off"]
     weights = ["skin", "weights", "mesh.off", "--skeleton", "bones.tgf", "-o", "out.json"]
+    morph = ["morph", "mesh.off", "moved.off", "--frames", "3"]
     return {
         "render": ["render", "mesh.off", "-o", "out.png"],
         "render translucent": ["render", "mesh.off", "-o", "out.png", "--opacity", "0.5"],
@@ -98,6 +102,8 @@ def commands(folder, points):
         "weights heat": [*weights, "--method", "heat"],
         "weights biharmonic": [*weights, "--method", "biharmonic"],
         "skeleton": ["skeleton", "mesh.off", "-o", "out.json"],
+        "morph poses": [*morph, "-o", "poses"],
+        "morph landmarks": [*morph, "--landmarks", "pairs.json", "-o", "shapes"],
     }
 
 
@@ -125,7 +131,7 @@ def main():
             points, faces = mesh(args.triangles)
             write(folder / "mesh.off", points, faces)
             size = (folder / "mesh.off").stat().st_size / 1e6
-            for name, command in commands(folder, points).items():
+            for name, command in commands(folder, points, faces).items():
                 if args.only and args.only not in f"{mesh.__name__} {name}":
                     continue
                 status, cpu, memory, last = run([program, *command], folder)

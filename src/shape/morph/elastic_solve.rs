@@ -10,6 +10,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::MorphError;
+use crate::mesh::operators::factored_laplacian;
 use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
@@ -45,7 +46,7 @@ impl ElasticSolve {
             .flat_map(|(t, h)| (0..3).map(move |k| (t[(k + 1) % 3] as usize, t[(k + 2) % 3] as usize, h[k])));
         let laplacian = ConstrainedLaplacian::new(at.len(), edges, |v| fixed[v])?;
         let positions = at.iter().map(|p| p.coords.into()).collect();
-        let system = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
+        let system = factored_laplacian(laplacian, &Ordering::NestedDissection(positions), run)?;
         Ok(Self { triangles: triangles.to_vec(), half, system, component, components })
     }
 

@@ -11,7 +11,7 @@ use nalgebra::Point3;
 
 use super::MorphError;
 use crate::mesh::TriMesh;
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, factored_laplacian};
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
@@ -47,7 +47,7 @@ pub fn time_field(mesh: &TriMesh, painted: &[Option<f64>], elsewhere: f64, run: 
     let edges = weights.iter().map(|(i, j, w)| (i, j, w.max(MIN_WEIGHT * mean)));
     let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), edges, |v| given[v].is_some())?;
     let positions = mesh.positions().iter().map(|p: &Point3<f64>| p.coords.into()).collect();
-    let mut solver = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
+    let mut solver = factored_laplacian(laplacian, &Ordering::NestedDissection(positions), run)?;
     Ok(solver.interpolate(|v| [given[v].unwrap_or_default()]).as_flattened().to_vec())
 }
 

@@ -11,7 +11,7 @@
 use super::SurfaceError;
 use super::components::Unknowns;
 use super::lanes::Lanes;
-use crate::mesh::operators::{EdgeWeights, max_multiplications};
+use crate::mesh::operators::{EdgeWeights, factored_laplacian};
 use plumbline_num::energy::{ConstrainedLaplacian, FIXED, FactoredLaplacian};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
@@ -35,9 +35,7 @@ impl HandleLaplacian {
         let soft_terms = unknowns.soft.iter().map(|&(k, weight)| (vertex(k), vertex(k), weight));
         let terms = weights.iter().map(|(i, j, w)| (i, j, q * w)).chain(soft_terms);
         let laplacian = ConstrainedLaplacian::new(weights.vertex_count(), terms, |v| unknowns.unknown[v] == FIXED)?;
-        let most = max_multiplications(laplacian.matrix().n());
-        let system = laplacian
-            .factor_within(&Ordering::Amd, most, run)
+        let system = factored_laplacian(laplacian, &Ordering::Amd, run)
             .map_err(|error| SurfaceError::of_factor(error, 1, |vertex| vertex))?;
         let soft = unknowns.soft.iter().map(|&(k, weight)| (unknowns.unknown[vertex(k)], k, weight)).collect();
         Ok(Self { soft, points: vec![[0.0; 3]; system.free().len()], system })

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::super::CharacterError;
 use crate::mesh::TriMesh;
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas, factored_laplacian};
 use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::Ordering;
@@ -39,7 +39,7 @@ impl SurfaceOfGradients {
         let hold: Vec<f64> = shares.iter().map(|s| (hold * s).max(MIN_WEIGHT)).collect();
         let soft = hold.iter().enumerate().map(|(v, &w)| (v, v, w));
         let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), edges.iter().chain(soft), |_| false)?;
-        let system = laplacian.factor(&Ordering::Amd, run)?;
+        let system = factored_laplacian(laplacian, &Ordering::Amd, run)?;
         Ok(Self {
             rest: mesh.positions().to_vec(),
             triangles: mesh.triangles().to_vec(),

@@ -22,7 +22,7 @@ use super::Row;
 use super::bone_distance::nearest;
 use super::visibility::Occluders;
 use super::welded::Welded;
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas, max_multiplications};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas, factored_laplacian};
 use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::sparse::{Ordering, SparseError};
@@ -110,8 +110,7 @@ fn factored(
     let terms = unknown.iter().zip(&flow).map(|(&v, &f)| (v, v, f)).chain(edges);
     let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), terms, |v| !is_warm(v))?;
     run.check()?;
-    let most = max_multiplications(laplacian.matrix().n());
-    Ok((laplacian.factor_within(&Ordering::Amd, most, run)?, flow))
+    Ok((factored_laplacian(laplacian, &Ordering::Amd, run)?, flow))
 }
 
 /// The nearest visible bones of every welded vertex: bones are tested in order of distance until one is visible.

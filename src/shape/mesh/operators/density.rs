@@ -5,7 +5,9 @@
 //! another in what sums over cells or squares a Laplacian; triangles between vertices at random leave no small separator. Then time is that of a
 //! dense matrix, and memory gigabytes. Such systems are refused, by what is known before each step takes its memory.
 
-use plumbline_num::sparse::SparseError;
+use plumbline_num::energy::{ConstrainedLaplacian, FactoredLaplacian};
+use plumbline_num::run::Run;
+use plumbline_num::sparse::{Ordering, SparseError};
 
 /// Multiplications of a factorization that any surface may take: some seconds, and 300 MB in a dense factor of 3900 unknowns.
 const MIN_MULTIPLICATIONS: f64 = 2e10;
@@ -20,6 +22,19 @@ const ENTRIES_PER_UNKNOWN: usize = 200;
 /// Largest number of multiplications of a factorization of `n` unknowns.
 pub(crate) fn max_multiplications(n: usize) -> f64 {
     MIN_MULTIPLICATIONS + MULTIPLICATIONS_PER_GROWTH * (n as f64).powf(1.5)
+}
+
+/// The factor of a Laplacian of a surface.
+///
+/// # Errors
+/// Those of [`ConstrainedLaplacian::factor_within`]; the bound is [`max_multiplications`].
+pub(crate) fn factored_laplacian(
+    laplacian: ConstrainedLaplacian,
+    ordering: &Ordering,
+    run: &Run,
+) -> Result<FactoredLaplacian, SparseError> {
+    let most = max_multiplications(laplacian.matrix().n());
+    laplacian.factor_within(ordering, most, run)
 }
 
 /// A matrix of `n` unknowns before it is formed: the vertex of the most neighbors, and in how many unknowns a vertex has.

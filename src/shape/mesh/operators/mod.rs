@@ -24,7 +24,7 @@ mod intrinsic_delaunay;
 mod mass;
 
 pub use cotangents::{CotangentRule, Cotangents};
-pub(crate) use density::{Forming, max_multiplications};
+pub(crate) use density::{Forming, factored_laplacian, max_multiplications};
 pub use edge_weights::EdgeWeights;
 pub use gradient::Gradient;
 pub use mass::barycentric_areas;

@@ -22,7 +22,7 @@ use nalgebra::{Point3, Vector3};
 use super::super::MorphError;
 use super::super::correspondence::divided;
 use super::{LeftTriangles, closed_edges, left_triangles};
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas, factored_laplacian};
 use crate::mesh::{HalfEdges, TriMesh, neighbors_of_vertices};
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::Run;
@@ -344,6 +344,6 @@ fn shortened(mesh: &TriMesh, line: &[u32], keep: u32, which: &'static str, run: 
     let terms = masses.chain(weights.iter().map(|(i, j, w)| (i, j, w.max(0.0) * time)));
     let laplacian = ConstrainedLaplacian::new(mesh.vertex_count(), terms, |_| false)?;
     let positions = mesh.positions().iter().map(|p| p.coords.into()).collect();
-    laplacian.factor(&Ordering::NestedDissection(positions), run)?.solve_scalar(&mut rhs);
+    factored_laplacian(laplacian, &Ordering::NestedDissection(positions), run)?.solve_scalar(&mut rhs);
     Ok(rhs.into_iter().map(|u| u - 0.5).collect())
 }

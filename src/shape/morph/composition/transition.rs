@@ -23,7 +23,7 @@ use super::super::MorphError;
 use super::super::elastic_solve::ElasticSolve;
 use super::super::trajectory::{Frame, opposite_edges};
 use crate::mesh::TriMesh;
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, barycentric_areas, max_multiplications};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{CompactFactor, Ordering, SparseMatrix};
 
@@ -118,7 +118,8 @@ impl Transition<'_> {
         }
         let points = free.iter().map(|&v| now.positions()[v].coords.into()).collect();
         let matrix = SparseMatrix::from_triplets(free.len(), &triplets)?;
-        CompactFactor::of(&matrix, &Ordering::NestedDissection(points), run)?.solve_points(&mut rhs);
+        let most = max_multiplications(matrix.n());
+        CompactFactor::of_within(&matrix, &Ordering::NestedDissection(points), most, run)?.solve_points(&mut rhs);
         let mut moved = now.positions().to_vec();
         free.iter().zip(&rhs).for_each(|(&v, step)| moved[v] += Vector3::from(*step));
         Ok(moved)

@@ -23,7 +23,7 @@ use nalgebra::{Point3, Vector2};
 use super::super::MorphError;
 use super::super::bvh::{Bvh, CORNERS, SurfacePoint};
 use super::{MAX_LANDMARK_ITERATIONS, connected_surface};
-use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights};
+use crate::mesh::operators::{CotangentRule, Cotangents, EdgeWeights, factored_laplacian};
 use crate::mesh::{HalfEdges, TriMesh};
 use plumbline_num::energy::ConstrainedLaplacian;
 use plumbline_num::run::{Run, Stopped};
@@ -251,7 +251,7 @@ fn embedded(mesh: &TriMesh, rim: &[u32], angles: &[f64], run: &Run) -> Result<Ve
     let edges = weights.iter().map(|(i, j, w)| (i, j, w.max(MIN_WEIGHT)));
     let laplacian = ConstrainedLaplacian::new(n, edges, |v| at[v].is_some())?;
     let positions = mesh.positions().iter().map(|p| p.coords.into()).collect();
-    let mut solver = laplacian.factor(&Ordering::NestedDissection(positions), run)?;
+    let mut solver = factored_laplacian(laplacian, &Ordering::NestedDissection(positions), run)?;
     Ok(solver.interpolate(|v| at[v].unwrap_or_default().into()).into_iter().map(Vector2::from).collect())
 }
 

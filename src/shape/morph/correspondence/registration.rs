@@ -25,6 +25,7 @@ use super::super::rigid::landmark_similarity;
 use super::super::trajectory::neighbors;
 use super::unfolding::unfold;
 use crate::mesh::TriMesh;
+use crate::mesh::operators::max_multiplications;
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, CompactFactor, Ordering, Pattern, SparseMatrix};
 
@@ -236,7 +237,8 @@ impl System {
             matrix.values_mut()[slot] += value;
         }
         let positions = free.iter().map(|&v| start[v].coords.into()).collect();
-        let cholesky = Cholesky::analyze(&pattern, &Ordering::NestedDissection(positions))?;
+        let ordering = Ordering::NestedDissection(positions);
+        let cholesky = Cholesky::analyze_within(&pattern, &ordering, max_multiplications(pattern.n()))?;
         Ok(Self { start, vertices, unknown, fixed, matrix, coupling, rhs: entries.rhs, cholesky })
     }
 

@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::clusters::{Clusters, FIXED};
 use super::shell::{BodyPose, Joint, Shell};
+use crate::mesh::operators::max_multiplications;
 use plumbline_num::optim::newton::{DescentEnd, DescentOptions, DescentProblem, descend};
 use plumbline_num::run::Run;
 use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseError, SparseMatrix};
@@ -61,7 +62,8 @@ impl Global {
                 }));
             }
         }
-        let factor = Cholesky::analyze(&pattern, &Ordering::NestedDissection(rest_positions(shell, clusters)))?;
+        let ordering = Ordering::NestedDissection(rest_positions(shell, clusters));
+        let factor = Cholesky::analyze_within(&pattern, &ordering, max_multiplications(pattern.n()))?;
         Ok(Self { gradient: vec![0.0; pattern.n()], matrix: SparseMatrix::zeros(pattern), factor, blocks, block_of })
     }
 
