@@ -21,13 +21,11 @@
 
 use std::ops::Range;
 
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::{EnergyError, Ordering, QuadraticEnergy};
 use crate::run::Run;
-use crate::sparse::SparseError;
+use crate::sparse::{SparseError, subtract_inner_products};
 
 /// Values of the columns of the border that are held at once, 64 MB: a border of 800 on ten thousand unknowns.
 const MOST: usize = 8 << 20;
@@ -165,17 +163,11 @@ impl BorderedEnergy {
             self.half_solved(own.clone(), &mut first, run)?;
             for l in (k..m).step_by(group) {
                 let other = l..m.min(l + group);
-                let is_own = l == k;
-                if !is_own {
+                if l > k {
                     self.half_solved(other.clone(), &mut second, run)?;
                 }
-                let shape = if is_own { BlockStructure::TriangularLower } else { BlockStructure::Rectangular };
-                let a = MatRef::from_column_major_slice(if is_own { &first } else { &second }, n, other.len());
-                let b = MatRef::from_column_major_slice(&first, n, own.len());
-                let full = BlockStructure::Rectangular;
-                let to = MatMut::from_column_major_slice_mut(schur.as_mut_slice(), m, m);
-                let to = to.submatrix_mut(l, k, other.len(), own.len());
-                matmul(to, shape, Accum::Add, a.transpose(), full, b, full, -1.0, Par::Seq);
+                let rows = (other, if l > k { &second[..] } else { &first });
+                subtract_inner_products((schur.as_mut_slice(), m), rows, (own.clone(), &first), n);
             }
         }
         Ok(schur)

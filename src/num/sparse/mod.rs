@@ -33,6 +33,7 @@ mod error;
 mod etree;
 mod front;
 mod general;
+mod inner_products;
 mod iterative;
 mod matrix;
 mod matrix_market;
@@ -55,6 +56,7 @@ pub use constrained::{Constrained, Eliminated, Multipliers};
 pub use direct::{Factor, Method};
 pub use error::{Component, SparseError};
 pub use general::{GeneralMatrix, SparseBuilder};
+pub(crate) use inner_products::subtract_inner_products;
 pub use iterative::{
     GaussSeidel, IncompleteCholesky, IterativeReport, Jacobi, Plain, Preconditioner, Stop, conjugate_gradients,
 };
