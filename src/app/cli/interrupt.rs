@@ -20,7 +20,7 @@ use plumbline_num::limits::Shortage;
 use plumbline_num::run::Run;
 
 /// Time that the work has to stop by itself: within two seconds of a signal the program has ended, and removing files and giving back
-/// memory take some of that (.4 s where the vibration modes of 700,000 vertices are computed).
+/// memory take some of that (.4 to .6 s where the vibration modes of 700,000 vertices are computed on a busy machine).
 pub(super) const GRACE: Duration = Duration::from_millis(1500);
 
 /// What the signals set.
