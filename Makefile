@@ -28,9 +28,10 @@ studio: deps-build ## installs what is missing, builds page and program, opens t
 
 studio-page: $(UI)/dist/index.html ## builds the page of the studio where its sources changed (npm)
 
+# The program is the one that the tests run: `cargo build` would build it again, with fewer features of its dependencies.
 studio-test: deps studio-page ## tests of the studio in a real browser: any installed Chromium
 	npm run --prefix $(UI) --silent check
-	cargo build --locked
+	cargo test --workspace --locked --no-run
 	npm run --prefix $(UI) --silent test
 
 page-if-possible:
