@@ -35,6 +35,11 @@ use plumbline_image::Plane;
 use plumbline_num::math::{Point2, Rect};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
+
+/// Most lines that can be made straight at once; few mark more than thirty. Each adds two unknowns that no other line shares but
+/// that meet all of the grid, so that the time grows with the square of their number: 500 that cross at random take about 20 s.
+pub const MAX_LINES: usize = 500;
+
 /// The projection of the output: `"optimized"`, `"perspective"`, `"panini:0.8"` …
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Target {
@@ -143,6 +148,14 @@ pub fn rectify(input: &RectifyInput<'_>, options: &RectifyOptions, run: &Run) ->
 fn empty_view() -> PhotoError {
     let text = "the view shows nothing of the picture: choose another direction, or a larger field of view";
     PhotoError::Output(text.to_owned())
+}
+
+fn check_count(lines: &[Line]) -> Result<(), PhotoError> {
+    if lines.len() <= MAX_LINES {
+        return Ok(());
+    }
+    let remedy = "keep the longest, or switch others off";
+    Err(PhotoError::Input(format!("{} lines are to be straight, at most {MAX_LINES} can be: {remedy}", lines.len())))
 }
 
 fn check(options: &RectifyOptions) -> Result<(), PhotoError> {

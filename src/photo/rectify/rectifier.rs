@@ -10,7 +10,7 @@ use super::solver::{Folding, Sheet, halved};
 use super::sphere_grid::{SphereGrid, chart_for};
 use super::straight::{GridLine, sides};
 use super::weights::{CellWeights, FaceTarget};
-use super::{RectifyInput, RectifyOptions, SoftLine, check, empty_view, fixed};
+use super::{RectifyInput, RectifyOptions, SoftLine, check, check_count, empty_view, fixed};
 use crate::{Line, PhotoError, PhotoWarp, report};
 use plumbline_camera::Lens;
 use plumbline_image::grid::GridMesh;
@@ -76,9 +76,10 @@ impl Rectifier {
     /// Solves for other lines from scratch: the result does not depend on earlier solves.
     ///
     /// # Errors
-    /// [`PhotoError::Energy`] for lines that are not finite; [`PhotoError::Interrupted`]; the last solution is
-    /// kept.
+    /// [`PhotoError::Input`] for more lines than [`super::MAX_LINES`]; [`PhotoError::Energy`] for lines that are not finite;
+    /// [`PhotoError::Interrupted`]; the last solution is kept.
     pub fn solve(&mut self, lines: &[Line], run: &Run) -> Result<(), PhotoError> {
+        check_count(lines)?;
         let before = self.solved.take();
         let solved = self.best(lines, run);
         let (solved, error) = match solved {
@@ -122,6 +123,7 @@ impl Rectifier {
     /// As [`Self::solve`].
     pub fn follow(&mut self, lines: &[Line], run: &Run) -> Result<(), PhotoError> {
         let Some(solved) = &self.solved else { return self.solve(lines, run) };
+        check_count(lines)?;
         let (before, mut attempt) = (solved.sheet.clone(), solved.attempt);
         let followed = |rectifier: &mut Self, attempt: Attempt| {
             let lines = attempt.oriented(lines, rectifier.found);

@@ -560,3 +560,18 @@ fn a_slanted_picture_of_found_lines_is_shown_whole_at_its_slant() {
     assert!(marked.lines.iter().all(|l| l.angle_error.is_some()), "{:?}", marked.lines);
     assert!(marked.source_shown(SIZE) >= upright.source_shown(SIZE));
 }
+
+#[test]
+fn more_lines_than_can_be_solved_for_are_refused_and_the_last_solution_is_kept() {
+    let lens = fisheye();
+    let lines = room(&lens);
+    let options = RectifyOptions { cells: 8, ..RectifyOptions::default() };
+    let mut view = Rectifier::new(&input(&lens, &lines, &[]), &options, &Run::default()).expect("a view");
+    let before = view.sheet().vertices.clone();
+    let many: Vec<Line> = lines.iter().cycle().take(MAX_LINES + 1).cloned().collect();
+    for refused in [view.solve(&many, &Run::default()), view.follow(&many, &Run::default())] {
+        let text = refused.expect_err("too many").to_string();
+        assert_eq!(text, "501 lines are to be straight, at most 500 can be: keep the longest, or switch others off");
+    }
+    assert_eq!(view.sheet().vertices, before);
+}
