@@ -87,8 +87,8 @@ pub struct Trajectory {
     weights: Vec<f64>,
     solve: ElasticSolve,
     iterations: usize,
-    /// Pairs of triangles that intersect in both poses, computed at first use.
-    own_intersections: OnceLock<BTreeSet<[u32; 2]>>,
+    /// Pairs of triangles that intersect in both poses, computed at first use; `None` where that takes too many tests.
+    own_intersections: OnceLock<Option<BTreeSet<[u32; 2]>>>,
 }
 
 impl Trajectory {

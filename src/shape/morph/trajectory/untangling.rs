@@ -63,24 +63,33 @@ impl Trajectory {
         Ok((x, [before, pairs.len()]))
     }
 
-    /// Intersecting pairs of triangles of a shape, without those of both poses. A shape has none where that would take too many tests.
+    /// Intersecting pairs of triangles of a shape, without those of both poses. None where they, or those of a pose, would take too
+    /// many tests.
     fn intersections(&self, x: &[Point3<f64>], run: &Run) -> Result<Vec<[u32; 2]>, Stopped> {
-        let most = MAX_TESTS.max(MAX_TESTS_PER_TRIANGLE * self.triangles.len());
-        let all = |x: &[Point3<f64>]| {
-            let mesh = TriMesh::new(x.to_vec(), self.triangles.clone());
-            let pairs = mesh.map_or_else(|_| Ok(None), |mesh| few_self_intersections(&mesh, most, run));
-            Ok::<_, Stopped>(pairs?.unwrap_or_default())
-        };
         let own = if let Some(own) = self.own_intersections.get() {
             own
         } else {
-            let of_second: BTreeSet<[u32; 2]> = all(&self.second)?.into_iter().collect();
-            let own = all(&self.first)?.into_iter().filter(|pair| of_second.contains(pair)).collect();
+            let own = self.intersections_of_both(run)?;
             self.own_intersections.get_or_init(|| own)
         };
-        let mut pairs = all(x)?;
+        let Some(own) = own else { return Ok(Vec::new()) };
+        let mut pairs = self.intersections_of(x, run)?.unwrap_or_default();
         pairs.retain(|pair| !own.contains(pair));
         Ok(pairs)
+    }
+
+    /// Pairs of triangles that intersect in both poses; `None` where that would take too many tests.
+    fn intersections_of_both(&self, run: &Run) -> Result<Option<BTreeSet<[u32; 2]>>, Stopped> {
+        let Some(first) = self.intersections_of(&self.first, run)? else { return Ok(None) };
+        let Some(second) = self.intersections_of(&self.second, run)? else { return Ok(None) };
+        let second: BTreeSet<[u32; 2]> = second.into_iter().collect();
+        Ok(Some(first.into_iter().filter(|pair| second.contains(pair)).collect()))
+    }
+
+    fn intersections_of(&self, x: &[Point3<f64>], run: &Run) -> Result<Option<Vec<[u32; 2]>>, Stopped> {
+        let most = MAX_TESTS.max(MAX_TESTS_PER_TRIANGLE * self.triangles.len());
+        let mesh = TriMesh::new(x.to_vec(), self.triangles.clone());
+        mesh.map_or_else(|_| Ok(None), |mesh| few_self_intersections(&mesh, most, run))
     }
 
     /// The best iterate of contact forces, and its intersections.
