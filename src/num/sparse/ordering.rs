@@ -25,8 +25,8 @@ pub enum Ordering {
     GraphDissection,
     /// Geometric nested dissection by the position of each unknown, in any unit (unknowns of one vertex share it; plane
     /// positions leave the third coordinate 0). The best order for grids and surfaces, and the least expensive to find. Where
-    /// positions do not show where to cut, as between layers that lie along each other, [`Self::Amd`] is tried too, and the order
-    /// of fewer multiplications is taken.
+    /// positions do not show where to cut, as between layers that lie along each other, [`Self::Amd`] is tried, and taken if it
+    /// finds what a surface allows.
     NestedDissection(Vec<[f64; 3]>),
     /// An order of the caller's.
     Given(Permutation),
@@ -119,15 +119,15 @@ impl Ordering {
     }
 }
 
-/// Nested dissection by positions; minimum degree where that is out of proportion and the latter is better.
+/// Nested dissection by positions; where that is out of proportion and minimum degree is not, the latter.
 fn geometric_dissection(pattern: &Pattern, positions: &[[f64; 3]]) -> Result<Permutation, SparseError> {
     let (order, separators) = nested_dissection(pattern, positions);
-    if separators <= MULTIPLICATIONS_PER_GROWTH * (pattern.n() as f64).powf(1.5) {
+    let most = MULTIPLICATIONS_PER_GROWTH * (pattern.n() as f64).powf(1.5);
+    if separators <= most {
         return Ok(order);
     }
     let degree = minimum_degree(pattern)?;
-    let flops = |order: &Permutation| FactorStructure::of_order(pattern, order).flops();
-    Ok(if flops(&degree) < flops(&order) { degree } else { order })
+    Ok(if FactorStructure::of_order(pattern, &degree).flops() <= most { degree } else { order })
 }
 
 fn minimum_degree(pattern: &Pattern) -> Result<Permutation, SparseError> {
