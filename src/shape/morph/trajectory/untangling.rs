@@ -86,6 +86,7 @@ impl Trajectory {
         Ok(Some(first.into_iter().filter(|pair| second.contains(pair)).collect()))
     }
 
+    /// Intersecting pairs of triangles of a shape; `None` where that would take too many tests.
     fn intersections_of(&self, x: &[Point3<f64>], run: &Run) -> Result<Option<Vec<[u32; 2]>>, Stopped> {
         let most = MAX_TESTS.max(MAX_TESTS_PER_TRIANGLE * self.triangles.len());
         let mesh = TriMesh::new(x.to_vec(), self.triangles.clone());
