@@ -88,6 +88,21 @@ fn every_ordering_gives_the_dense_solution() {
     }
 }
 
+#[test]
+fn a_cut_between_layers_is_not_taken_where_one_across_them_touches_less() {
+    // Two rings far apart, joined by rungs: their longest extent is along the rungs, and a cut there touches a whole ring.
+    let n = 2000;
+    let around = |k: usize| (k + 1) % n;
+    let edges = (0..n).flat_map(|k| [(k, around(k)), (n + k, n + around(k)), (n + k, k), (n + k, around(k))]);
+    let pattern = Arc::new(Pattern::new(2 * n, edges).expect("in range"));
+    let turn = |k: usize| std::f64::consts::TAU * k as f64 / n as f64;
+    let position = |i: usize| [turn(i % n).cos(), turn(i % n).sin(), (i / n) as f64 * 10.0];
+    let ordering = Ordering::NestedDissection((0..2 * n).map(position).collect());
+    // One cut through a ring is a dense front of 2000 unknowns, 2.7e9 multiplications.
+    let flops = Cholesky::<f64>::analyze(&pattern, &ordering).expect("sizes agree").flops();
+    assert!(flops < 100.0 * (2.0 * n as f64).powf(1.5), "{flops} multiplications");
+}
+
 /// Laplacian of a grid with diagonals plus `shift` on the diagonal.
 fn laplacian(cols: usize, rows: usize, shift: f64) -> SparseMatrix<f64> {
     let mut triplets = vec![];

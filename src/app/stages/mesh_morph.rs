@@ -91,14 +91,18 @@ impl Stage for MorphSettings {
             let time = f64::from(k) / f64::from((self.frames - 1).max(1));
             let x = match self.untangle {
                 0 => trajectory.at(time, &context.job.run())?,
-                iterations => trajectory.untangled(time, iterations as usize, &context.job.run())?.0,
+                iterations => {
+                    let (x, counts) = trajectory.untangled(time, iterations as usize, &context.job.run())?;
+                    shapes.untested |= counts.is_none();
+                    x
+                }
             };
             let linear = trajectory.linear(time);
             shapes.add(Some(time), time, &x, &linear, &context.job.run())?;
         }
         // What the user should know, and the report.
-        if let Some(worse) = shapes.worse_than_linear() {
-            context.warn(worse);
+        if let Some(fault) = shapes.fault() {
+            context.warn(fault);
         }
         let angle = trajectory.global_rotation().norm().to_degrees();
         report_line(

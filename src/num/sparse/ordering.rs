@@ -5,7 +5,10 @@ use faer::sparse::linalg::{amd, colamd};
 
 use super::cuthill_mckee::reverse_cuthill_mckee;
 use super::dissection::nested_dissection;
-use super::{GeneralMatrix, Pattern, SparseError};
+use super::{FactorStructure, GeneralMatrix, Pattern, SparseError};
+
+/// Multiplications per `n^1.5` above which a geometric order has missed what a surface allows: a squared Laplacian takes less.
+const MULTIPLICATIONS_PER_GROWTH: f64 = 4000.0;
 
 /// How unknowns are renumbered before elimination; it decides fill and speed, never the solution.
 #[derive(Clone, Debug, Default)]
@@ -21,7 +24,9 @@ pub enum Ordering {
     /// several factorizations. For systems refactored many times, or too large for the fill of [`Self::Amd`].
     GraphDissection,
     /// Geometric nested dissection by the position of each unknown, in any unit (unknowns of one vertex share it; plane
-    /// positions leave the third coordinate 0). The best order for grids and surfaces, and the least expensive to find.
+    /// positions leave the third coordinate 0). The best order for grids and surfaces, and the least expensive to find. Where
+    /// positions do not show where to cut, as between layers that lie along each other, [`Self::Amd`] is tried, and taken if it
+    /// finds what a surface allows.
     NestedDissection(Vec<[f64; 3]>),
     /// An order of the caller's.
     Given(Permutation),
@@ -106,12 +111,23 @@ impl Ordering {
             Self::Amd => minimum_degree(pattern),
             Self::ReverseCuthillMcKee => Ok(reverse_cuthill_mckee(pattern)),
             Self::GraphDissection => graph_dissection(pattern),
-            Self::NestedDissection(positions) if positions.len() == n => Ok(nested_dissection(pattern, positions)),
+            Self::NestedDissection(positions) if positions.len() == n => geometric_dissection(pattern, positions),
             Self::NestedDissection(positions) => Err(SparseError::OutOfRange { index: positions.len(), unknowns: n }),
             Self::Given(p) if p.len() == n => Ok(p.clone()),
             Self::Given(p) => Err(SparseError::OutOfRange { index: p.len(), unknowns: n }),
         }
     }
+}
+
+/// Nested dissection by positions; where that is out of proportion and minimum degree is not, the latter.
+fn geometric_dissection(pattern: &Pattern, positions: &[[f64; 3]]) -> Result<Permutation, SparseError> {
+    let (order, separators) = nested_dissection(pattern, positions);
+    let most = MULTIPLICATIONS_PER_GROWTH * (pattern.n() as f64).powf(1.5);
+    if separators <= most {
+        return Ok(order);
+    }
+    let degree = minimum_degree(pattern)?;
+    Ok(if FactorStructure::of_order(pattern, &degree).flops() <= most { degree } else { order })
 }
 
 fn minimum_degree(pattern: &Pattern) -> Result<Permutation, SparseError> {

@@ -50,8 +50,20 @@ impl Bvh {
     /// The closest point among the accepted triangles; of equally near ones that of the lowest triangle. `None` if no triangle is
     /// accepted.
     pub fn nearest(&self, point: &Point3<f64>, accept: impl Fn(u32) -> bool) -> Option<SurfacePoint> {
+        self.nearest_counted(point, accept).0
+    }
+
+    /// As [`Self::nearest`], with the number of triangles whose closest points were computed: a few dozens on a surface, most of
+    /// them where triangles overlap everywhere.
+    pub(super) fn nearest_counted(
+        &self,
+        point: &Point3<f64>,
+        accept: impl Fn(u32) -> bool,
+    ) -> (Option<SurfacePoint>, usize) {
         let mut best: Option<SurfacePoint> = None;
+        let mut tests = 0;
         self.tree.near(point, f64::INFINITY, |items| {
+            tests += items.len();
             for (corners, &t) in self.corners[items.clone()].iter().zip(&self.tree.order()[items]) {
                 let weights = closest_point_on_triangle(point, corners).weights;
                 let [a, b, c] = corners;
@@ -64,7 +76,7 @@ impl Bvh {
             }
             best.map_or(f64::INFINITY, |b| b.squared)
         });
-        best
+        (best, tests)
     }
 
     /// Visits each pair of triangles `t < u` with overlapping boxes; whether `most` tests of two boxes of triangles were enough.

@@ -83,6 +83,17 @@ pub enum MorphError {
         /// The remedy.
         advice: &'static str,
     },
+    /// Input: a surface on which closest points cost too much.
+    #[error(
+        "closest points on the {which} mesh take more than {most} tests of triangles: its triangles lie along one another; \
+         remove inner layers and triangles that overlap, or lay a smaller part over the other mesh"
+    )]
+    Layered {
+        /// Which mesh.
+        which: &'static str,
+        /// Tests within reason for meshes of these sizes.
+        most: usize,
+    },
     /// Input: a seam that does not close or does not separate the surface.
     #[error("the seam of the {which} mesh {fault}")]
     Seam {

@@ -9,17 +9,30 @@ use super::bvh::Bvh;
 use crate::mesh::TriMesh;
 use plumbline_num::run::{Run, Stopped};
 
-/// Intersecting pairs of triangles, the lower index first; ascending.
+/// Largest number of tests of two triangles in a surface, and the same for each triangle: a few seconds. Surfaces need some dozens a
+/// triangle.
+const MAX_TESTS: usize = 50_000_000;
+const MAX_TESTS_PER_TRIANGLE: usize = 1000;
+
+/// Intersecting pairs of triangles, the lower index first; ascending. `None` where triangles lie so close to one another that it
+/// takes more than 1000 tests of two of them for each, and over 50 million.
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn self_intersections(mesh: &TriMesh, run: &Run) -> Result<Vec<[u32; 2]>, Stopped> {
-    Ok(few_self_intersections(mesh, usize::MAX, run)?.unwrap_or_default())
-}
-
-/// As [`self_intersections`]; `None` where that takes more than `most` tests of the boxes of two triangles.
-pub(super) fn few_self_intersections(mesh: &TriMesh, most: usize, run: &Run) -> Result<Option<Vec<[u32; 2]>>, Stopped> {
+///
+/// # Examples
+/// ```
+/// use plumbline_num::run::Run;
+/// use plumbline_shape::mesh::shapes;
+/// use plumbline_shape::morph::intersections::self_intersections;
+///
+/// let ball = shapes::icosphere(2);
+/// assert_eq!(self_intersections(&ball, &Run::default())?, Some(vec![]));
+/// # Ok::<(), plumbline_num::run::Stopped>(())
+/// ```
+pub fn self_intersections(mesh: &TriMesh, run: &Run) -> Result<Option<Vec<[u32; 2]>>, Stopped> {
     let mut found = Vec::new();
+    let most = MAX_TESTS.max(MAX_TESTS_PER_TRIANGLE * mesh.triangle_count());
     let within = Bvh::new(mesh).pairs(
         most,
         |t, u| {
@@ -83,10 +96,22 @@ mod tests {
     use super::*;
     use crate::mesh::shapes;
 
+    fn found(mesh: &TriMesh) -> Vec<[u32; 2]> {
+        self_intersections(mesh, &Run::default()).expect("a run that never stops").expect("few tests")
+    }
+
+    #[test]
+    fn triangles_that_all_overlap_are_not_tested_without_end() {
+        let triangle = |k: usize| [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 1e-9 * k as f64]].map(Point3::from);
+        let positions = (0..12_000).flat_map(triangle).collect();
+        let layers = TriMesh::new(positions, (0..12_000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()).unwrap();
+        assert_eq!(self_intersections(&layers, &Run::default()), Ok(None));
+    }
+
     #[test]
     fn a_sphere_through_a_wall_intersects_it_along_a_circle_only() {
         let sphere = shapes::icosphere(2);
-        assert!(self_intersections(&sphere, &Run::default()).expect("a run that never stops").is_empty());
+        assert!(found(&sphere).is_empty());
         let wall = shapes::plane(8);
         let placed: Vec<_> =
             wall.positions().iter().map(|p| Point3::new(6.0 * p.x - 3.03, 6.0 * p.y - 2.98, 0.11)).collect();
@@ -94,7 +119,7 @@ mod tests {
         let positions = [sphere.positions(), &placed].concat();
         let moved = wall.triangles().iter().map(|t| t.map(|v| v + first));
         let both = TriMesh::new(positions, sphere.triangles().iter().copied().chain(moved).collect()).unwrap();
-        let pairs = self_intersections(&both, &Run::default()).expect("a run that never stops");
+        let pairs = found(&both);
         let n = sphere.triangle_count() as u32;
         let strays = pairs.iter().filter(|[t, u]| *t >= n || *u < n).count();
         assert!(pairs.len() > 20 && strays == 0, "{} {strays}", pairs.len());
@@ -116,10 +141,10 @@ mod tests {
     fn neighbors_at_a_vertex_intersect_where_the_opposite_edge_crosses() {
         let p = [[0.0, 0.0, 0.0], [2.0, -1.0, 0.0], [2.0, 1.0, 0.0], [1.0, 0.1, 1.0], [1.0, 0.1, -1.0]];
         let mesh = TriMesh::new(p.map(Point3::from).to_vec(), vec![[0, 1, 2], [0, 3, 4]]).unwrap();
-        assert_eq!(self_intersections(&mesh, &Run::default()).expect("a run that never stops"), [[0, 1]]);
+        assert_eq!(found(&mesh), [[0, 1]]);
         let apart = TriMesh::new(mesh.positions().to_vec(), vec![[0, 1, 2], [1, 3, 4]]).unwrap();
-        assert_eq!(self_intersections(&apart, &Run::default()).expect("a run that never stops"), [[0, 1]]);
+        assert_eq!(found(&apart), [[0, 1]]);
         let neighbors = TriMesh::new(mesh.positions().to_vec(), vec![[0, 1, 2], [1, 0, 4]]).unwrap();
-        assert!(self_intersections(&neighbors, &Run::default()).expect("a run that never stops").is_empty());
+        assert!(found(&neighbors).is_empty());
     }
 }

@@ -20,11 +20,13 @@ pub(crate) struct Shapes<'p> {
     worse: usize,
     /// Intersections are counted, which takes as long as a shape.
     count: bool,
+    /// A shape that would take too many tests ends the count.
+    pub(crate) untested: bool,
 }
 
 impl<'p> Shapes<'p> {
     pub(crate) fn new(pair: &'p Pair, count: bool) -> Self {
-        Self { pair, poses: Vec::new(), report: Vec::new(), most: [0, 0], worse: 0, count }
+        Self { pair, poses: Vec::new(), report: Vec::new(), most: [0, 0], worse: 0, count, untested: false }
     }
 
     pub(crate) fn add(
@@ -35,21 +37,31 @@ impl<'p> Shapes<'p> {
         linear: &[Point3<f64>],
         run: &Run,
     ) -> Result<(), RunError> {
-        if self.count {
+        if self.count && !self.untested {
             let count = |x: &[Point3<f64>]| {
                 let mesh = self.pair.first.with_positions(x.to_vec()).map_err(|e| not_finite(&e))?;
-                Ok::<_, RunError>(self_intersections(&mesh, run)?.len())
+                Ok::<_, RunError>(self_intersections(&mesh, run)?.map(|pairs| pairs.len()))
             };
             let counts = [count(x)?, count(linear)?];
-            self.most = [self.most[0].max(counts[0]), self.most[1].max(counts[1])];
-            self.worse += usize::from(counts[0] > counts[1]);
             self.report.push(json!({"time": time, "self_intersections": counts[0], "of_linear_blending": counts[1]}));
+            match counts {
+                [Some(ours), Some(linear)] => {
+                    self.most = [self.most[0].max(ours), self.most[1].max(linear)];
+                    self.worse += usize::from(ours > linear);
+                }
+                _ => self.untested = true,
+            }
         }
         self.poses.push(self.pair.written(end, x));
         Ok(())
     }
 
-    pub(crate) fn worse_than_linear(&self) -> Option<String> {
+    /// What the user should know of the shapes.
+    pub(crate) fn fault(&self) -> Option<String> {
+        if self.untested {
+            let reason = "triangles lie so close to one another that it would take too many tests";
+            return Some(format!("self-intersections of the shapes are neither counted nor removed: {reason}"));
+        }
         let more = "shapes pass through themselves at more positions than on straight paths; more iterations of `untangle` may help";
         (self.worse > 0).then(|| format!("{} of {} {more}", self.worse, self.poses.len()))
     }
@@ -57,6 +69,6 @@ impl<'p> Shapes<'p> {
     pub(crate) fn intersections(&self) -> String {
         let [ours, linear] = self.most;
         let line = format!(", at most {ours} pairs of faces intersect ({linear} on straight paths)");
-        if self.count { line } else { String::new() }
+        if self.count && !self.untested { line } else { String::new() }
     }
 }

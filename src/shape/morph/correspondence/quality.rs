@@ -32,7 +32,7 @@ pub struct MapQuality {
 /// Measures a map from `first` to `mapped` on `second`.
 ///
 /// # Errors
-/// [`MorphError::Empty`], [`MorphError::Interrupted`].
+/// [`MorphError::Empty`], [`MorphError::Layered`], [`MorphError::Interrupted`].
 pub fn measure(
     first: &TriMesh,
     mapped: &TriMesh,
@@ -40,15 +40,15 @@ pub fn measure(
     landmarks: &[(u32, u32)],
     run: &Run,
 ) -> Result<MapQuality, MorphError> {
-    let target = Target::new(second)?;
+    let target = Target::new(second, "second", first.triangle_count())?;
     let unit = second.diagonal();
     let (stretch, stretch_95) = stretches(first, mapped);
-    let cover = Target::new(mapped).map_err(|_| MorphError::Empty { which: "mapped" })?;
+    let cover = Target::new(mapped, "mapped", second.triangle_count())?;
     let (referenced, _) = second.referenced_and_isolated();
     let mut missed = Vec::with_capacity(referenced.len());
     for v in referenced {
         run.check()?;
-        missed.extend(cover.nearest(&second.positions()[v as usize]).map(|nearest| nearest.squared));
+        missed.push(cover.nearest(&second.positions()[v as usize])?.squared);
     }
     let landmark =
         |&(v, w): &(u32, u32)| (mapped.positions()[v as usize] - second.positions()[w as usize]).norm() / unit;
@@ -59,7 +59,7 @@ pub fn measure(
     let mut flipped = 0;
     for t in 0..mapped.triangle_count() {
         run.check()?;
-        flipped += usize::from(!collapsed(&t) && against(&t));
+        flipped += usize::from(!collapsed(&t) && against(&t)?);
     }
     Ok(MapQuality {
         flipped,
@@ -78,13 +78,20 @@ pub(super) fn is_collapsed(mapped: f64, first: f64) -> bool {
 }
 
 /// Whether most of the surface points below a triangle have normals opposite to its own.
-pub(super) fn is_flipped(corners: &[Point3<f64>; 3], normal: &Vector3<f64>, target: &Target<'_>) -> bool {
+pub(super) fn is_flipped(
+    corners: &[Point3<f64>; 3],
+    normal: &Vector3<f64>,
+    target: &Target<'_>,
+) -> Result<bool, MorphError> {
     let [a, b, c] = corners;
     let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0);
     let samples = [middle, center(&middle, a), center(&middle, b), center(&middle, c)];
-    let against =
-        samples.iter().filter_map(|p| target.nearest(p)).filter(|p| target.normal(p.triangle).dot(normal) < 0.0);
-    against.count() > samples.len() / 2
+    let mut against = 0;
+    for sample in &samples {
+        let below = target.normal(target.nearest(sample)?.triangle);
+        against += usize::from(below.dot(normal) < 0.0);
+    }
+    Ok(against > samples.len() / 2)
 }
 
 /// Total stretch, and the 95th percentile.

@@ -10,10 +10,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Point3, center};
 
 use super::super::MorphError;
-use super::super::bvh::Bvh;
 use super::registration::Target;
 use crate::mesh::TriMesh;
-use plumbline_num::run::{Run, Stopped};
+use plumbline_num::run::Run;
 
 /// A refined map: two poses of one mesh.
 #[derive(Clone, Debug)]
@@ -30,7 +29,7 @@ pub struct Refined {
 ///
 /// # Errors
 /// [`MorphError::Value`] for a tolerance of 0 or less; [`MorphError::VertexCounts`], [`MorphError::Triangles`] where the
-/// first two are not poses of one mesh; [`MorphError::Empty`], [`MorphError::Interrupted`].
+/// first two are not poses of one mesh; [`MorphError::Empty`], [`MorphError::Layered`], [`MorphError::Interrupted`].
 pub fn refine(
     first: &TriMesh,
     mapped: &TriMesh,
@@ -44,7 +43,7 @@ pub fn refine(
         let (what, value) = ("the tolerance of refinement".to_owned(), tolerance.to_string());
         return Err(MorphError::Value { what, value, expected: "above 0".to_owned() });
     }
-    let target = Target::new(second)?;
+    let target = Target::new(second, "second", first.triangle_count())?;
     let far = (tolerance * second.diagonal()).powi(2);
     let mut refined = Refined { first: first.clone(), mapped: mapped.clone(), added: 0 };
     for _ in 0..iterations {
@@ -69,25 +68,21 @@ fn edges_to_bisect(
     target: &Target<'_>,
     far: f64,
     run: &Run,
-) -> Result<BTreeSet<Edge>, Stopped> {
+) -> Result<BTreeSet<Edge>, MorphError> {
     let p = mapped.positions();
     let all: BTreeSet<Edge> =
         mapped.triangles().iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
-    let off = |(a, b): Edge| {
-        let middle = center(&p[a as usize], &p[b as usize]);
-        target.nearest(&middle).is_some_and(|nearest| nearest.squared > far)
-    };
     let mut bisected = BTreeSet::new();
-    for edge in all {
+    for (a, b) in all {
         run.check()?;
-        bisected.extend(off(edge).then_some(edge));
+        let off = target.nearest(&center(&p[a as usize], &p[b as usize]))?.squared > far;
+        bisected.extend(off.then_some((a, b)));
     }
-    let cover = Bvh::new(mapped);
+    let cover = Target::new(mapped, "mapped", second.triangle_count())?;
     for v in second.referenced_and_isolated().0 {
         run.check()?;
-        if let Some(nearest) = cover.nearest(&second.positions()[v as usize], |_| true)
-            && nearest.squared > far
-        {
+        let nearest = cover.nearest(&second.positions()[v as usize])?;
+        if nearest.squared > far {
             let [a, b, c] = mapped.triangles()[nearest.triangle as usize];
             bisected.extend([edge(a, b), edge(b, c), edge(c, a)]);
         }

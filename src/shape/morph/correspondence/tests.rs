@@ -39,7 +39,7 @@ fn landmarks_are_met_exactly_and_vertices_are_on_the_target() {
     let laid = correspond(&ball, &second, &landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap();
     assert_eq!(laid.quality.landmark_error, 0.0);
     assert_eq!((laid.quality.flipped, laid.quality.collapsed), (0, 0));
-    let target = registration::Target::new(&second).unwrap();
+    let target = registration::Target::new(&second, "second", 0).unwrap();
     for (p, on) in laid.mapped.positions().iter().zip(&laid.points) {
         assert!(target.nearest(p).unwrap().squared < 1e-20);
         let corners = second.corners(on.triangle as usize);
@@ -47,6 +47,24 @@ fn landmarks_are_met_exactly_and_vertices_are_on_the_target() {
         assert!((point - p.coords).norm() < 1e-12);
     }
     assert!(laid.quality.missed_worst < 0.01 && laid.quality.stretch < 1.2, "{:?}", laid.quality);
+}
+
+#[test]
+fn searches_of_a_surface_of_layers_end() {
+    // Triangles from corner to corner of a cube: many are about as near to any point.
+    let mut rng = fastrand::Rng::with_seed(7);
+    let mut point = || Point3::new(rng.f64(), rng.f64(), rng.f64());
+    let positions: Vec<Point3<f64>> = (0..900).map(|_| point()).collect();
+    let soup = TriMesh::new(positions, (0..300).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()).unwrap();
+    let target = registration::Target::new(&soup, "second", 0).unwrap();
+    let ended = (0..1_500_000).find_map(|_| target.nearest(&point()).err());
+    assert_eq!(ended, Some(MorphError::Layered { which: "second", most: 1_500_000 }));
+    // What removal of fold-overs had is kept.
+    let ball = shapes::icosphere(1);
+    let mut points = vec![target.vertex(0); ball.vertex_count()];
+    let before = points.clone();
+    unfolding::unfold(&ball, &target, &vec![false; points.len()], &mut points, &Run::default()).unwrap();
+    assert_eq!(points, before);
 }
 
 #[test]

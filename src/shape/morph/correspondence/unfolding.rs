@@ -25,7 +25,8 @@ const ITERATIONS_PER_RING: u32 = 4;
 /// Maximum rings around a fold: wider patches of thin parts reach around them.
 const MAX_RINGS: u32 = 5;
 
-/// Removes folds from `places`, one per vertex of `mesh`; vertices in `fixed` stay.
+/// Removes folds from `points`, one per vertex of `mesh`; vertices in `fixed` stay. Where the searches of `target` are used up, the best
+/// iterate so far is the last.
 pub(super) fn unfold(
     mesh: &TriMesh,
     target: &Target<'_>,
@@ -33,11 +34,29 @@ pub(super) fn unfold(
     points: &mut Vec<SurfacePoint>,
     run: &Run,
 ) -> Result<(), MorphError> {
+    let mut best = points.clone();
+    let unfolded = improve(mesh, target, fixed, points, &mut best, run);
+    *points = best;
+    match unfolded {
+        Err(MorphError::Layered { .. }) => Ok(()),
+        unfolded => unfolded,
+    }
+}
+
+/// Iterations from `points`, the best of which becomes `best`.
+fn improve(
+    mesh: &TriMesh,
+    target: &Target<'_>,
+    fixed: &[bool],
+    points: &mut [SurfacePoint],
+    best: &mut Vec<SurfacePoint>,
+    run: &Run,
+) -> Result<(), MorphError> {
     let around = Neighborhood::new(mesh);
-    let mut folds = Folds::new(mesh, target, points);
-    let mut best = (folds.count(), points.clone());
+    let mut folds = Folds::new(mesh, target, points)?;
+    let mut fewest = folds.count();
     for _ in 0..MAX_ITERATIONS {
-        if best.0 == 0 {
+        if fewest == 0 {
             break;
         }
         let region = folds.region(mesh, &around, fixed);
@@ -48,12 +67,12 @@ pub(super) fn unfold(
                 points[v as usize] = around.centroid(v, target, points)?;
             }
         }
-        folds.update(mesh, target, points, &around, &region);
-        if folds.count() < best.0 {
-            best = (folds.count(), points.clone());
+        folds.update(mesh, target, points, &around, &region)?;
+        if folds.count() < fewest {
+            fewest = folds.count();
+            best.copy_from_slice(points);
         }
     }
-    *points = best.1;
     Ok(())
 }
 
@@ -90,16 +109,16 @@ struct Folds {
 }
 
 impl Folds {
-    fn new(mesh: &TriMesh, target: &Target<'_>, points: &[SurfacePoint]) -> Self {
+    fn new(mesh: &TriMesh, target: &Target<'_>, points: &[SurfacePoint]) -> Result<Self, MorphError> {
         let longest =
             |t: usize| mesh.corners(t).iter().map(|p| (p - mesh.corners(t)[0]).norm_squared()).fold(0.0, f64::max);
         let has_area = |t: usize| mesh.area_normal(t).norm() > 1e-9 * longest(t);
         let m = mesh.triangle_count();
         let mut folds = Self { counts: (0..m).map(has_area).collect(), age: vec![0; m], size: mesh.area() };
         for t in 0..m {
-            folds.age[t] = u32::from(folds.is_folded(t, mesh, target, points));
+            folds.age[t] = u32::from(folds.is_folded(t, mesh, target, points)?);
         }
-        folds
+        Ok(folds)
     }
 
     fn count(&self) -> usize {
@@ -111,11 +130,17 @@ impl Folds {
         self.age.iter().max().map_or(0, |age| rings(*age))
     }
 
-    fn is_folded(&self, t: usize, mesh: &TriMesh, target: &Target<'_>, points: &[SurfacePoint]) -> bool {
+    fn is_folded(
+        &self,
+        t: usize,
+        mesh: &TriMesh,
+        target: &Target<'_>,
+        points: &[SurfacePoint],
+    ) -> Result<bool, MorphError> {
         let corners = mesh.triangles()[t].map(|v| points[v as usize].point);
         let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
         let collapsed = is_collapsed(normal.norm() / target.area(), mesh.area_normal(t).norm() / self.size);
-        self.counts[t] && (collapsed || is_flipped(&corners, &normal, target))
+        Ok(self.counts[t] && (collapsed || is_flipped(&corners, &normal, target)?))
     }
 
     /// Vertices of folds and of the rings around them, without fixed ones; ascending.
@@ -150,14 +175,15 @@ impl Folds {
         points: &[SurfacePoint],
         around: &Neighborhood,
         moved: &[u32],
-    ) {
+    ) -> Result<(), MorphError> {
         let mut touched = vec![false; self.age.len()];
         for t in moved.iter().flat_map(|v| around.triangles.of(*v as usize)) {
             touched[*t as usize] = true;
         }
         for t in (0..touched.len()).filter(|t| touched[*t]) {
-            self.age[t] = if self.is_folded(t, mesh, target, points) { self.age[t] + 1 } else { 0 };
+            self.age[t] = if self.is_folded(t, mesh, target, points)? { self.age[t] + 1 } else { 0 };
         }
+        Ok(())
     }
 }
 
@@ -172,7 +198,7 @@ mod tests {
 
     /// A sphere mapped to itself with a mirrored patch at the pole: a fold of many triangles.
     fn mirrored(ball: &TriMesh, reach: f64) -> Vec<SurfacePoint> {
-        let target = Target::new(ball).unwrap();
+        let target = Target::new(ball, "second", 0).unwrap();
         let point = |p: &Point3<f64>| {
             let inside = p.z > 0.0 && p.x.hypot(p.y) < reach;
             let q = if inside { Point3::new(-p.x, p.y, p.z) } else { *p };
@@ -184,17 +210,17 @@ mod tests {
     #[test]
     fn a_mirrored_patch_unfolds_and_fixed_vertices_stay() {
         let ball = shapes::icosphere(4);
-        let target = Target::new(&ball).unwrap();
+        let target = Target::new(&ball, "second", 0).unwrap();
         for (reach, low) in [(0.12, 0.6), (0.25, 0.6), (0.4, 0.6), (0.7, 0.4), (0.8, 0.3)] {
             let mut points = mirrored(&ball, reach);
-            let before = Folds::new(&ball, &target, &points).count();
+            let before = Folds::new(&ball, &target, &points).unwrap().count();
             let mut fixed = vec![false; ball.vertex_count()];
             let far = (0..fixed.len()).filter(|v| ball.positions()[*v].z < low);
             for v in far {
                 fixed[v] = true;
             }
             unfold(&ball, &target, &fixed, &mut points, &Run::default()).unwrap();
-            assert!(before > 10 && Folds::new(&ball, &target, &points).count() == 0, "{reach}: of {before}");
+            assert!(before > 10 && Folds::new(&ball, &target, &points).unwrap().count() == 0, "{reach}: of {before}");
             for (v, point) in points.iter().enumerate() {
                 assert!(target.nearest(&point.point).unwrap().squared < 1e-20);
                 assert!(!fixed[v] || (point.point - ball.positions()[v]).norm() < 1e-12);
@@ -205,7 +231,7 @@ mod tests {
     #[test]
     fn a_collapsed_patch_is_spread_and_a_degenerate_triangle_is_no_fold() {
         let ball = shapes::icosphere(4);
-        let target = Target::new(&ball).unwrap();
+        let target = Target::new(&ball, "second", 0).unwrap();
         let pole = ball.positions().iter().copied().max_by(|p, q| p.z.total_cmp(&q.z)).unwrap();
         let near = |p: &Point3<f64>| (p - pole).norm() < 0.2;
         let put = |p: &Point3<f64>| target.closest_facing(if near(p) { &pole } else { p }, &p.coords).unwrap();
@@ -221,15 +247,15 @@ mod tests {
         let flat = TriMesh::new(ball.positions().to_vec(), triangles).unwrap();
         let points: Vec<SurfacePoint> =
             flat.positions().iter().map(|p| target.closest_facing(p, &p.coords).unwrap()).collect();
-        assert_eq!(Folds::new(&flat, &target, &points).count(), 0);
+        assert_eq!(Folds::new(&flat, &target, &points).unwrap().count(), 0);
     }
 
     #[test]
     fn crossing_landmarks_do_not_add_folds() {
         let ball = shapes::icosphere(3);
-        let target = Target::new(&ball).unwrap();
+        let target = Target::new(&ball, "second", 0).unwrap();
         let mut points = mirrored(&ball, 0.3);
-        let before = Folds::new(&ball, &target, &points).count();
+        let before = Folds::new(&ball, &target, &points).unwrap().count();
         let fixed = vec![true; ball.vertex_count()];
         let start = points.clone();
         unfold(&ball, &target, &fixed, &mut points, &Run::default()).unwrap();
