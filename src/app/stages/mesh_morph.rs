@@ -92,9 +92,9 @@ impl Stage for MorphSettings {
             let x = match self.untangle {
                 0 => trajectory.at(time, &context.job.run())?,
                 iterations => {
-                    let (x, counts) = trajectory.untangled(time, iterations as usize, &context.job.run())?;
-                    shapes.untested |= counts.is_none();
-                    x
+                    let untangled = trajectory.untangled(time, iterations as usize, &context.job.run())?;
+                    shapes.untested |= untangled.intersections.is_none();
+                    untangled.positions
                 }
             };
             let linear = trajectory.linear(time);

@@ -20,4 +20,4 @@ mod trajectory;
 pub use bvh::{Bvh, SurfacePoint};
 pub use error::MorphError;
 pub use time_field::time_field;
-pub use trajectory::{Trajectory, TrajectoryOptions, interpolate, same_connectivity};
+pub use trajectory::{Trajectory, TrajectoryOptions, Untangled, interpolate, same_connectivity};

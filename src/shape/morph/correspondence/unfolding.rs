@@ -49,7 +49,7 @@ fn improve(
     target: &Target<'_>,
     fixed: &[bool],
     points: &mut [SurfacePoint],
-    best: &mut Vec<SurfacePoint>,
+    best: &mut [SurfacePoint],
     run: &Run,
 ) -> Result<(), MorphError> {
     let around = Neighborhood::new(mesh);

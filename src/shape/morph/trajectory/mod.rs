@@ -30,6 +30,8 @@ mod rotation_paths;
 mod tests;
 mod untangling;
 
+pub use untangling::Untangled;
+
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;

@@ -184,8 +184,9 @@ fn untangling_never_adds_intersections() {
     let first = first.with_positions(mirrored).unwrap();
     let mut trajectory = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
     for time in [0.0, 0.3, 0.5, 1.0] {
-        let (x, counts) = trajectory.untangled(time, 10, &Run::default()).expect("a run that never stops");
-        let [before, after] = counts.expect("few tests");
+        let Untangled { positions: x, intersections } =
+            trajectory.untangled(time, 10, &Run::default()).expect("a run that never stops");
+        let [before, after] = intersections.expect("few tests");
         let count =
             crate::morph::intersections::self_intersections(&first.with_positions(x.clone()).unwrap(), &Run::default())
                 .expect("a run that never stops")

@@ -34,30 +34,38 @@ const OVERSHOOT: f64 = 0.1;
 /// Widths of the patches around intersections, in rings, doubled for each trial.
 const RINGS: [usize; 5] = [2, 4, 8, 16, 32];
 
+/// A shape from which self-intersections were removed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Untangled {
+    /// The vertices.
+    pub positions: Vec<Point3<f64>>,
+    /// Numbers of intersecting pairs of triangles before and after, without those of both poses; `None` where they were not tested.
+    pub intersections: Option<[usize; 2]>,
+}
+
 impl Trajectory {
-    /// The shape at a time with self-intersections removed in at most `iterations`, and the numbers of intersecting pairs before and
-    /// after. The shape as it is, and `None`, where [`self_intersections`] of it or of a pose would take too many tests.
+    /// The shape at a time with self-intersections removed in at most `iterations`; as it is where [`self_intersections`] of it or of
+    /// a pose would take too many tests.
     ///
     /// # Errors
     /// [`Stopped`].
-    pub fn untangled(
-        &mut self,
-        time: f64,
-        iterations: usize,
-        run: &Run,
-    ) -> Result<(Vec<Point3<f64>>, Option<[usize; 2]>), Stopped> {
+    pub fn untangled(&mut self, time: f64, iterations: usize, run: &Run) -> Result<Untangled, Stopped> {
         let start = self.at(time, run)?;
-        let Some(pairs) = self.intersections(&start, run)? else { return Ok((start, None)) };
+        let Some(pairs) = self.intersections(&start, run)? else {
+            return Ok(Untangled { positions: start, intersections: None });
+        };
         let before = pairs.len();
         if pairs.is_empty() || iterations == 0 || time == 0.0 || time == 1.0 {
-            return Ok((start, Some([before; 2])));
+            return Ok(Untangled { positions: start, intersections: Some([before; 2]) });
         }
         let (x, pairs) = self.pushed(time, iterations, &start, pairs, run)?;
         // Linear interpolation that cannot be tested is not taken.
-        let straight =
-            if pairs.is_empty() { Some(0) } else { self.intersections(&self.linear(time), run)?.map(|p| p.len()) };
-        let (x, pairs) = self.linearized(time, straight.unwrap_or(usize::MAX), x, pairs, run)?;
-        Ok((x, Some([before, pairs.len()])))
+        let straight = match pairs.as_slice() {
+            [] => Some(0),
+            _ => self.intersections(&self.linear(time), run)?.map(|pairs| pairs.len()),
+        };
+        let (positions, pairs) = self.linearized(time, straight.unwrap_or(usize::MAX), x, pairs, run)?;
+        Ok(Untangled { positions, intersections: Some([before, pairs.len()]) })
     }
 
     /// Intersecting pairs of triangles of a shape, without those of both poses; `None` where they, or those of a pose, would take
@@ -71,7 +79,9 @@ impl Trajectory {
         };
         let Some(own) = own else { return Ok(None) };
         let mut pairs = self.intersections_of(x, run)?;
-        pairs.iter_mut().for_each(|pairs| pairs.retain(|pair| !own.contains(pair)));
+        if let Some(pairs) = &mut pairs {
+            pairs.retain(|pair| !own.contains(pair));
+        }
         Ok(pairs)
     }
 
@@ -287,10 +297,8 @@ mod tests {
         let mut trajectory =
             Trajectory::new(&through, &second, &super::super::TrajectoryOptions::default(), &Run::default()).unwrap();
         let exact = trajectory.at(0.3, &Run::default()).expect("a run that never stops");
-        assert_eq!(
-            trajectory.untangled(0.3, 20, &Run::default()).expect("a run that never stops"),
-            (exact, Some([0, 0]))
-        );
+        let untangled = trajectory.untangled(0.3, 20, &Run::default()).expect("a run that never stops");
+        assert_eq!(untangled, Untangled { positions: exact, intersections: Some([0, 0]) });
     }
 
     #[test]
