@@ -2,7 +2,7 @@
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 .DEFAULT_GOAL := help
-.PHONY: help demo studio studio-page studio-test test test-long deny memcheck soak bench media gallery deps deps-build lint unit oracle page-if-possible
+.PHONY: help demo studio studio-page studio-test test test-long deny memcheck soak bench media gallery deps deps-build lint unit oracle engine page-if-possible
 
 CLIP ?= media/street-walk.mp4
 
@@ -47,7 +47,7 @@ $(UI)/node_modules/.package-lock.json: $(UI)/package-lock.json
 	npm ci --prefix $(UI) --no-audit --no-fund
 	@touch $@
 
-test: deps page-if-possible lint unit studio-test oracle ## formatting, lints, all tests, documentation, oracles: what CI runs
+test: deps page-if-possible lint unit studio-test oracle engine ## formatting, lints, all tests, documentation, oracles: what CI runs
 	@echo "make test: all passed"
 
 # Members without FFmpeg and clap; each is built alone, so that none leans on a feature that another turns on.
@@ -88,6 +88,11 @@ unit: deps
 
 oracle: deps .venv/ready .venv/node_modules/gltf-validator
 	NODE_PATH=$(CURDIR)/.venv/node_modules .venv/bin/python tests/oracle/run.py
+
+# Plans on a Dask cluster of this machine, whose workers and scheduler are killed.
+engine: deps .venv/ready
+	cargo test --workspace --locked --no-run
+	.venv/bin/python tests/engines/dask.py target/debug/plumbline
 
 bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that compare with others)
 	cargo bench --workspace --locked

@@ -57,6 +57,7 @@ mod stitched;
 mod studio;
 mod support;
 mod surface;
+mod tasks;
 mod track;
 mod warp;
 mod words;

@@ -17,8 +17,12 @@ pub(super) struct Failure {
 }
 
 impl Failure {
+    pub(super) fn new(exit: Exit, message: impl Into<String>) -> Self {
+        Self { exit, message: message.into(), drawn: false }
+    }
+
     pub(super) fn usage(message: impl Into<String>) -> Self {
-        Self { exit: Exit::Usage, message: message.into(), drawn: false }
+        Self::new(Exit::Usage, message)
     }
 
     /// Prints it to standard error; where that fails, nothing is left to print to.

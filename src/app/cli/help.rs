@@ -21,6 +21,7 @@ const EXIT_CODES: &str = "  0    done
   1    internal error
   2    wrong command line or pipeline file
   3    finished, but some items failed, or a clip is cut short
+  4    a plan of another version, or whose input changed
   65   bad input
   73   cannot write the output
   75   temporary failure: try again

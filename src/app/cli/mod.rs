@@ -10,6 +10,7 @@ mod compose;
 mod defaults;
 mod deform;
 mod doctor;
+mod engine;
 mod extension;
 mod failure;
 mod graph;
@@ -42,6 +43,7 @@ mod spelling;
 mod stabilize;
 mod stages;
 mod target;
+mod task;
 mod worker;
 
 use std::ffi::OsString;
@@ -172,6 +174,8 @@ enum ToolCommand {
     Check(check::CheckArgs),
     /// Show the passes of a pipeline and the memory that each needs
     Plan(plan::PlanArgs),
+    /// Do one task of a plan, for an engine that hands them out
+    Task(task::TaskArgs),
     /// Draw the stages of a pipeline
     Graph(graph::GraphArgs),
     /// Describe the stage kinds: ports, settings, defaults
@@ -257,9 +261,13 @@ impl Command {
     fn grace(&self) -> Duration {
         match self {
             Self::Job(_)
-            | Self::Tool(ToolCommand::Run(_) | ToolCommand::Mesh(_) | ToolCommand::Solve(_) | ToolCommand::Worker) => {
-                GRACE
-            }
+            | Self::Tool(
+                ToolCommand::Run(_)
+                | ToolCommand::Task(_)
+                | ToolCommand::Mesh(_)
+                | ToolCommand::Solve(_)
+                | ToolCommand::Worker,
+            ) => GRACE,
             Self::Tool(_) => Duration::ZERO,
         }
     }
@@ -369,6 +377,7 @@ fn dispatch(command: Command, session: &Session<'_>) -> Result<Exit, Failure> {
         ToolCommand::Run(args) => args.run(session),
         ToolCommand::Check(args) => args.run(),
         ToolCommand::Plan(args) => args.run(session),
+        ToolCommand::Task(args) => args.run(session),
         ToolCommand::Graph(args) => args.run(),
         ToolCommand::Stages(args) => args.run(),
         ToolCommand::Schema(args) => Ok(args.run()),

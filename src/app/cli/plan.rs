@@ -1,28 +1,87 @@
-//! `plumbline plan`: the passes of a pipeline and what each holds in memory.
+//! `plumbline plan`: the passes of a pipeline and what each holds in memory; its tasks, for engines.
 
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, Subcommand};
 
 use super::failure::Failure;
 use super::session::Session;
 use super::{PipelineArgs, print};
 use crate::pipeline::memory::human_bytes;
 use crate::pipeline::plan::temporary_space;
+use crate::pipeline::tasks::{TaskFormat, TaskPlan, export};
 use crate::pipeline::{Exit, Plan};
-use plumbline_num::files::free_space;
+use crate::stages::files::write_whole;
+use plumbline_num::files::{IfExists, free_space};
 
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct PlanArgs {
+    #[command(subcommand)]
+    command: Option<PlanCommand>,
     #[command(flatten)]
-    pipeline: PipelineArgs,
+    pipeline: Option<PipelineArgs>,
+    /// Print the tasks as JSON, for engines: one per item
+    #[arg(long)]
+    json: bool,
+    /// The folder that the paths of the tasks start from, which all machines have; the working directory if left out
+    #[arg(long, value_name = "DIR", requires = "json")]
+    root: Option<PathBuf>,
+    /// Write the tasks to a file instead
+    #[arg(short, long, value_name = "FILE.json", requires = "json")]
+    output: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum PlanCommand {
+    /// Write a plan for make, Slurm, HyperQueue or Graphviz
+    Export(PlanExportArgs),
+}
+
+#[derive(Debug, Args)]
+struct PlanExportArgs {
+    /// The plan, as `plumbline plan --json` wrote it
+    #[arg(value_name = "FILE.json")]
+    plan: PathBuf,
+    /// For which program
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    format: TaskFormat,
+    /// The folder that the paths of the tasks start from, on the machines that run them; the working directory if left out
+    #[arg(long, value_name = "DIR")]
+    root: Option<PathBuf>,
 }
 
 impl PlanArgs {
     pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        let pipeline = self.pipeline.read()?;
+        match (self.command, self.pipeline) {
+            (Some(PlanCommand::Export(args)), _) => args.run(),
+            (None, Some(args)) if self.json => args.tasks(self.root, self.output, session),
+            (None, Some(args)) => args.passes(session),
+            (None, None) => Err(Failure::usage("give a pipeline file, or the name of a shipped one")),
+        }
+    }
+}
+
+impl PipelineArgs {
+    /// Prints or writes the tasks.
+    fn tasks(&self, root: Option<PathBuf>, output: Option<PathBuf>, session: &Session<'_>) -> Result<Exit, Failure> {
+        let pipeline = self.read()?;
+        let instances = pipeline.instances()?;
+        let root = root.unwrap_or_else(|| PathBuf::from("."));
+        let text = TaskPlan::of(&pipeline, &instances, &root, session.runner)?.to_text()?;
+        match output {
+            Some(path) => write_whole(&path, text, IfExists::Replace)?,
+            None => print(&text),
+        }
+        Ok(Exit::Done)
+    }
+
+    /// Prints the passes.
+    fn passes(&self, session: &Session<'_>) -> Result<Exit, Failure> {
+        let pipeline = self.read()?;
         // A plan can be read before the clips exist: then the figures stay symbolic.
-        let instances = self.pipeline.instances(&pipeline)?;
+        let instances = self.instances(&pipeline)?;
         let first = instances.first();
         let clip = first
             .and_then(|i| i.inputs().into_iter().next())
@@ -43,6 +102,17 @@ impl PlanArgs {
             let _ = writeln!(text, "free for temporary files: {} in {}", human_bytes(free), folder.display());
         }
         print(&text);
+        Ok(Exit::Done)
+    }
+}
+
+impl PlanExportArgs {
+    fn run(self) -> Result<Exit, Failure> {
+        let plan = TaskPlan::read(&self.plan).map_err(|e| Failure::new(e.exit(), e.to_string()))?;
+        // Where it runs, the working directory is another.
+        let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
+        let root = self.root.unwrap_or_else(|| absolute(PathBuf::from(".")));
+        print(&export(&plan, &absolute(self.plan), &root, self.format));
         Ok(Exit::Done)
     }
 }

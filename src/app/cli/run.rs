@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 
+use super::engine::EngineArgs;
 use super::failure::Failure;
 use super::job::{AgainArgs, JobArgs};
 use super::session::{RESULTS, Session, Verbosity};
@@ -31,6 +32,8 @@ pub(super) struct RunArgs {
     threads: Option<u32>,
     #[command(flatten)]
     again: AgainArgs,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
     #[arg(long = "allow-path", value_name = "DIR")]
     allow_paths: Vec<PathBuf>,
@@ -61,7 +64,10 @@ impl RunArgs {
             print(&file_text(&pipeline.file));
             return Ok(Exit::Done);
         }
-        run_pipeline(&pipeline, &self.again, session)
+        match self.engine.run(&pipeline, session)? {
+            Some(exit) => Ok(exit),
+            None => run_pipeline(&pipeline, &self.again, session),
+        }
     }
 }
 

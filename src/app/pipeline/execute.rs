@@ -87,47 +87,86 @@ pub fn execute(
     progress: &dyn Progress,
     cancel: &Arc<AtomicBool>,
 ) -> Report {
-    let started = Instant::now();
     let batch = pipeline.batch.clone().unwrap_or_default();
     let jobs = match batch.jobs {
         0 if pipeline.graph.is_still() => pipeline.run.thread_count().min(photos_in_memory()),
         n => n as usize,
     };
     let jobs = jobs.clamp(1, instances.len().max(1));
-    let threads = (pipeline.run.thread_count() / jobs).max(1);
-    let made = Mutex::default();
-    let pool = backend.workers.filter(|_| instances.len() > 1).map(|program| Pool::new(program.clone()));
     let existing = pipeline.run.existing(pipeline.batch.is_some());
-    let records = (pipeline.batch.is_some() || existing == Existing::Skip).then(Records::default);
-    let mut executor = Executor {
-        run: &pipeline.run,
-        existing,
-        batch: &batch,
-        backend: backend.stages,
-        pool: pool.as_ref(),
-        progress,
-        cancel,
-        threads,
-        made: &made,
-        records,
-        up_to_date: Vec::new(),
-    };
-    executor.find_up_to_date(instances);
-    let up_to_date = executor.up_to_date.iter().filter(|up| **up).count();
-    progress.event(&Event::RunStart { items: instances.len(), up_to_date });
-    let results = executor.run_all(instances, jobs);
-    if let Some(Err(error)) = executor.records.as_ref().map(Records::compact) {
-        tracing::warn!("records of results were not shortened: {error}");
+    let on_record = pipeline.batch.is_some() || existing == Existing::Skip;
+    let way = Way { run: &pipeline.run, batch: &batch, existing, on_record, jobs };
+    way.execute(instances, backend, progress, cancel)
+}
+
+/// Runs one instance, of a plan that was made before.
+pub fn execute_alone(
+    run: &RunSettings,
+    instance: Instance,
+    backend: Backend<'_>,
+    progress: &dyn Progress,
+    cancel: &Arc<AtomicBool>,
+) -> Report {
+    let (batch, existing) = (BatchSettings::default(), run.existing(false));
+    let way = Way { run, batch: &batch, existing, on_record: existing == Existing::Skip, jobs: 1 };
+    way.execute(&[instance], backend, progress, cancel)
+}
+
+/// How instances are run.
+struct Way<'a> {
+    run: &'a RunSettings,
+    batch: &'a BatchSettings,
+    existing: Existing,
+    /// Results are put on record.
+    on_record: bool,
+    /// Items at work at once.
+    jobs: usize,
+}
+
+impl Way<'_> {
+    fn execute(
+        self,
+        instances: &[Instance],
+        backend: Backend<'_>,
+        progress: &dyn Progress,
+        cancel: &Arc<AtomicBool>,
+    ) -> Report {
+        let started = Instant::now();
+        let Self { run, batch, existing, on_record, jobs } = self;
+        let threads = (run.thread_count() / jobs).max(1);
+        let made = Mutex::default();
+        let pool = backend.workers.filter(|_| instances.len() > 1).map(|program| Pool::new(program.clone()));
+        let records = on_record.then(Records::default);
+        let mut executor = Executor {
+            run,
+            existing,
+            batch,
+            backend: backend.stages,
+            pool: pool.as_ref(),
+            progress,
+            cancel,
+            threads,
+            made: &made,
+            records,
+            up_to_date: Vec::new(),
+        };
+        executor.find_up_to_date(instances);
+        let up_to_date = executor.up_to_date.iter().filter(|up| **up).count();
+        progress.event(&Event::RunStart { items: instances.len(), up_to_date });
+        let results = executor.run_all(instances, jobs);
+        if let Some(Err(error)) = executor.records.as_ref().map(Records::compact) {
+            tracing::warn!("records of results were not shortened: {error}");
+        }
+        let report = Report {
+            items: instances.iter().zip(results).map(|(i, result)| ItemReport { key: i.key.clone(), result }).collect(),
+        };
+        let (done, failed) = (report.done().count() - report.up_to_date(), report.failures().count());
+        if report.done().count() < instances.len() {
+            take_back(made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner));
+        }
+        progress.event(&Event::RunEnd { done, failed, seconds: started.elapsed().as_secs_f64() });
+        report
     }
-    let report = Report {
-        items: instances.iter().zip(results).map(|(i, result)| ItemReport { key: i.key.clone(), result }).collect(),
-    };
-    let (done, failed) = (report.done().count() - report.up_to_date(), report.failures().count());
-    if report.done().count() < instances.len() {
-        take_back(made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner));
-    }
-    progress.event(&Event::RunEnd { done, failed, seconds: started.elapsed().as_secs_f64() });
-    report
 }
 
 /// Memory that a still picture may take while it is at work: one of 50 MP and 8 bit, decoded, in planes and sampled.

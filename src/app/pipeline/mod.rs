@@ -44,6 +44,7 @@ pub mod suggest;
 pub(crate) mod summary;
 pub mod surfaces;
 pub mod syntax;
+pub mod tasks;
 pub(crate) mod threads;
 pub mod units;
 mod warps;

@@ -165,7 +165,7 @@ struct OutputRecord {
 
 /// What a file is recognized by.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Stamp {
+pub(super) struct Stamp {
     /// Bytes; of a folder, of all files in it.
     size: u64,
     /// Time of its last change, nanoseconds since 1970; of a folder, the latest of its files.
@@ -177,7 +177,7 @@ struct Stamp {
 
 impl Stamp {
     /// Of a file, of all files in a folder, or of those that a pattern may mean; `None` where there is none.
-    fn of(path: &Path) -> Option<Self> {
+    pub(super) fn of(path: &Path) -> Option<Self> {
         match path.metadata() {
             Ok(meta) if meta.is_dir() => Self::of_files(files_below(path)),
             Ok(meta) => Some(Self { size: meta.len(), mtime_ns: mtime_ns(&meta), files: None }),
@@ -253,7 +253,7 @@ fn folder_of(path: &Path) -> &Path {
 }
 
 /// The path without links, also of what does not exist; `.` and `..` taken out.
-fn resolved(path: &Path) -> PathBuf {
+pub(super) fn resolved(path: &Path) -> PathBuf {
     if let Ok(found) = path.canonicalize() {
         return found;
     }

@@ -49,6 +49,8 @@ pub enum Exit {
     Usage = 2,
     /// Finished, some items failed.
     Partial = 3,
+    /// A plan of another version, or whose input changed.
+    OtherPlan = 4,
     /// Bad input.
     Input = 65,
     /// Cannot write.

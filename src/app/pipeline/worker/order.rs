@@ -10,7 +10,7 @@ use crate::pipeline::plan::Plan;
 use crate::stages;
 
 /// An instance whose settings are all known, and how it is to run.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Order {
     key: String,
     stages: Vec<StageOrder>,
@@ -18,8 +18,8 @@ pub struct Order {
     pub options: JobOptions,
 }
 
-#[derive(Debug, Serialize, Deserialize)]
-struct StageOrder {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(in crate::pipeline) struct StageOrder {
     name: String,
     kind: String,
     settings: Json,
@@ -39,6 +39,16 @@ impl Order {
         };
         let stages = instance.graph.stages.iter().map(stage).collect();
         Self { key: instance.key.clone(), stages, options }
+    }
+
+    /// The stages, which are all that decides the result.
+    pub(in crate::pipeline) fn stages(&self) -> &[StageOrder] {
+        &self.stages
+    }
+
+    /// The settings of each stage.
+    pub(in crate::pipeline) fn settings(&mut self) -> impl Iterator<Item = &mut Json> {
+        self.stages.iter_mut().map(|stage| &mut stage.settings)
     }
 
     /// The instance, with its plan; it has no item, since nothing is left open.

@@ -1,0 +1,375 @@
+//! A pipeline as tasks that any engine can run: one per item, each the work of one call of `plumbline task run`.
+//!
+//! The plan states for each task all that an engine needs: what it reads and writes, what it waits for, what it takes, and how often
+//! to try. Its paths are relative to a root, so that another machine may have the folder elsewhere; files outside stay absolute. It
+//! follows from the pipeline and its inputs alone: the same bytes each time.
+//!
+//! A task may be run by anybody, at any time, twice or at once: results that are [up to date](super::records) are kept, others
+//! appear under their names when they are whole.
+//!
+//! ```json
+//! { "format": "plumbline.plan", "version": 1, "program": "0.1.0",
+//!   "tasks": [ { "id": "tour.mp4", "key": "b3:9c1e…", "after": [], "outputs": ["out/tour.mp4"],
+//!                "inputs": [ { "path": "clips/tour.mp4", "file": { "size": 812345678, "mtime_ns": 1764230400000000000 } } ],
+//!                "resources": { "cpus": 2, "memory_mb": 310, "gpus": 0 }, "retries": 2, "timeout_s": 86400,
+//!                "order": { "key": "clips/tour.mp4", "stages": [] } } ] }
+//! ```
+
+mod export;
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+
+use super::batch::Instance;
+use super::check::Pipeline;
+use super::graph::Stage;
+use super::job::{JobOptions, StageRunner};
+use super::paths::{to_path, to_text};
+use super::records::{Stamp, resolved};
+use super::run_error::{Exit, RunError};
+use super::worker::Order;
+use plumbline_num::document::{Kind, VERSION};
+
+pub use export::{TaskFormat, export};
+
+/// Files of plans.
+const KIND: Kind = Kind { name: "a plan of tasks", format: "plumbline.plan", max_bytes: 1 << 30 };
+
+/// Times that a task is tried again, where the pipeline does not say.
+const RETRIES: u32 = 2;
+/// Memory of the program itself beside what stages state, bytes.
+const PROGRAM_BYTES: u64 = 150 << 20;
+/// Memory of a task without a clip, bytes: a picture of 50 megapixels, decoded, in planes and sampled.
+const STILL_BYTES: u64 = 512 << 20;
+/// Longest time for a task, s: a day for clips, an hour for all else.
+const TIMEOUTS: (u64, u64) = (86_400, 3_600);
+/// Longest name of a task, characters.
+const MAX_ID: usize = 80;
+
+/// The tasks of a pipeline.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskPlan {
+    format: String,
+    version: u32,
+    /// Version of the program that made it, which alone runs it.
+    pub program: String,
+    /// The tasks, each behind those that it waits for.
+    pub tasks: Vec<Task>,
+}
+
+/// The work of one call.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Task {
+    /// Its name, unique in the plan: letters, digits, `.`, `_` and `-`.
+    pub id: String,
+    /// BLAKE3 over all that decides its results, and where they go.
+    pub key: String,
+    /// Tasks that must be done before.
+    pub after: Vec<String>,
+    /// Files that it reads.
+    pub inputs: Vec<TaskInput>,
+    /// Files and folders that it writes.
+    pub outputs: Vec<String>,
+    /// What it takes.
+    pub resources: Resources,
+    /// Times that it is tried again after a failure that may be temporary.
+    pub retries: u32,
+    /// Longest time, s.
+    pub timeout_s: u64,
+    /// The work.
+    order: Order,
+}
+
+/// A file as it was when the plan was made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskInput {
+    /// Its path.
+    pub path: String,
+    /// `None`: it was not there.
+    file: Option<Stamp>,
+}
+
+/// What a task takes of a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Resources {
+    /// Threads.
+    pub cpus: usize,
+    /// Memory at its peak, MB.
+    pub memory_mb: u64,
+    /// Graphics cards.
+    pub gpus: u32,
+}
+
+impl TaskPlan {
+    /// The tasks of `instances`, whose paths are relative to the working directory; those of the plan are relative to `root`.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] for a root that is no folder, [`RunError::Usage`] for standard input and output, which have no place in
+    /// a plan.
+    pub fn of(
+        pipeline: &Pipeline,
+        instances: &[Instance],
+        root: &Path,
+        runner: &dyn StageRunner,
+    ) -> Result<Self, RunError> {
+        let no_folder = |e| RunError::Input(format!("the root `{}` is no folder: {e}", root.display()));
+        let root = root.canonicalize().map_err(no_folder)?;
+        let mut ids = Ids::default();
+        let batch = pipeline.batch.clone().unwrap_or_default();
+        let still = pipeline.graph.is_still();
+        // Stills do not gain by more threads; of clips decoding and encoding overlap.
+        let cpus = match pipeline.run.threads {
+            0 if still => 1,
+            0 => 2,
+            threads => (threads as usize / (batch.jobs as usize).max(1)).max(1),
+        };
+        let task = |instance: &Instance| -> Result<Task, RunError> {
+            let clip = if still { None } else { clip_of(instance, runner) };
+            let memory = clip.map_or(STILL_BYTES, |clip| {
+                instance.plan.passes.iter().map(|pass| pass.memory(&instance.graph, Some(&clip))).max().unwrap_or(0)
+            });
+            let options = JobOptions {
+                threads: cpus,
+                overwrite: false,
+                strict: pipeline.run.strict || instance.is_strict(),
+                allow_paths: pipeline.run.allowed_folders(),
+            };
+            let mut order = Order::of(instance, options);
+            let stages = instance.graph.stages.iter();
+            let path = |path: &str| relative(path, &root);
+            for (stage, settings) in stages.clone().zip(order.settings()) {
+                map_paths(stage, settings, &path)?;
+            }
+            let input = |read: &str| Ok(TaskInput { path: path(read)?, file: Stamp::of(&to_path(read)) });
+            let inputs: Vec<TaskInput> =
+                stages.flat_map(|stage| stage.settings.reads()).map(input).collect::<Result<_, RunError>>()?;
+            let written = [instance.outputs(), instance.folders()].concat();
+            let outputs = written.iter().map(|p| path(&to_text(p))).collect::<Result<Vec<String>, RunError>>()?;
+            Ok(Task {
+                id: ids.next(&instance.key),
+                key: key_of(&order, &inputs)?,
+                after: Vec::new(),
+                inputs,
+                outputs,
+                resources: Resources { cpus, memory_mb: (PROGRAM_BYTES + memory).div_ceil(1_000_000), gpus: 0 },
+                retries: if batch.retries > 0 { batch.retries } else { RETRIES },
+                timeout_s: if still { TIMEOUTS.1 } else { TIMEOUTS.0 },
+                order,
+            })
+        };
+        let tasks = instances.iter().map(task).collect::<Result<_, RunError>>()?;
+        let program = env!("CARGO_PKG_VERSION").to_owned();
+        Ok(Self { format: KIND.format.to_owned(), version: VERSION, program, tasks })
+    }
+
+    /// Reads a plan.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn read(path: &Path) -> Result<Self, PlanError> {
+        let wrong = |fault: String| PlanError::Read(format!("{}: {fault}", path.display()));
+        let text = KIND.text(path).map_err(|e| wrong(e.to_string()))?;
+        let json: Json = serde_json::from_str(&text).map_err(|e| wrong(format!("not a plan of tasks: {e}")))?;
+        if json["format"] != KIND.format {
+            return Err(wrong(format!("not a plan of tasks (expected \"format\": \"{}\")", KIND.format)));
+        }
+        let program = json["program"].as_str().unwrap_or("another version");
+        if json["version"] != VERSION || program != env!("CARGO_PKG_VERSION") {
+            return Err(PlanError::Version { program: program.to_owned() });
+        }
+        let plan: Self = serde_json::from_value(json).map_err(|e| wrong(format!("not a plan of tasks: {e}")))?;
+        plan.check().map_err(wrong)?;
+        Ok(plan)
+    }
+
+    /// The plan as the text of a file.
+    ///
+    /// # Errors
+    /// [`RunError::Internal`]: none is known.
+    pub fn to_text(&self) -> Result<String, RunError> {
+        serde_json::to_string_pretty(self).map(|text| text + "\n").map_err(|e| RunError::Internal(e.to_string()))
+    }
+
+    /// The task of this name.
+    pub fn task(&self, id: &str) -> Option<&Task> {
+        self.tasks.iter().find(|task| task.id == id)
+    }
+
+    /// Names are fit for files and shells, and each task is behind those that it waits for.
+    fn check(&self) -> Result<(), String> {
+        let mut before = HashSet::new();
+        for task in &self.tasks {
+            if !is_id(&task.id) {
+                return Err(format!("`{}` is no name of a task", task.id.escape_default()));
+            }
+            if let Some(missing) = task.after.iter().find(|id| !before.contains(id.as_str())) {
+                let missing = missing.escape_default();
+                return Err(format!("task `{}` waits for `{missing}`, which is not before it", task.id));
+            }
+            if !before.insert(task.id.as_str()) {
+                return Err(format!("two tasks are called `{}`", task.id));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Task {
+    /// The work, with its paths relative to the root: run it there.
+    ///
+    /// # Errors
+    /// What is wrong with the plan.
+    pub fn instance(&self) -> Result<Instance, String> {
+        self.order.instance()
+    }
+
+    /// How it is to run.
+    pub fn options(&self) -> &JobOptions {
+        &self.order.options
+    }
+
+    /// A result that is not below one of these folders, which are without links; to be called at the root.
+    pub fn output_outside(&self, below: &[PathBuf]) -> Option<&str> {
+        let is_outside = |output: &&String| {
+            let path = resolved(&to_path(output));
+            !below.iter().any(|folder| path.starts_with(folder))
+        };
+        self.outputs.iter().find(is_outside).map(String::as_str)
+    }
+
+    /// An input that is not as it was when the plan was made; to be called at the root.
+    pub fn changed_input(&self) -> Option<ChangedInput<'_>> {
+        self.inputs.iter().find_map(|input| {
+            let now = Stamp::of(&to_path(&input.path));
+            (now != input.file).then_some(ChangedInput { path: &input.path, is_missing: now.is_none() })
+        })
+    }
+}
+
+/// An input that is not as the plan has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChangedInput<'a> {
+    /// Its path.
+    pub path: &'a str,
+    /// It is not there.
+    pub is_missing: bool,
+}
+
+/// Why a plan is not read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlanError {
+    /// The file cannot be read, or is no plan.
+    #[error("{0}")]
+    Read(String),
+    /// Another version of the program made it.
+    #[error(
+        "the plan was made by plumbline {program}, this is {}; make it again with this version, or install that one \
+         on every machine", env!("CARGO_PKG_VERSION")
+    )]
+    Version {
+        /// The version that made it.
+        program: String,
+    },
+}
+
+impl PlanError {
+    /// Exit status of the program.
+    pub fn exit(&self) -> Exit {
+        match self {
+            Self::Read(_) => Exit::Usage,
+            Self::Version { .. } => Exit::OtherPlan,
+        }
+    }
+}
+
+/// The clip that an instance works on.
+fn clip_of(instance: &Instance, runner: &dyn StageRunner) -> Option<super::memory::ClipShape> {
+    let first = instance.inputs().into_iter().next()?;
+    runner.probe(&first, false).ok()?.shape
+}
+
+/// A path of a setting as seen from the root; that of a file outside is absolute.
+fn relative(path: &str, root: &Path) -> Result<String, RunError> {
+    if path == "-" {
+        let help = "name files, which all machines see";
+        return Err(RunError::Usage(format!("standard input and output have no place in a plan: {help}")));
+    }
+    let absolute = resolved(&to_path(path));
+    let inside = absolute.strip_prefix(root).map(Path::to_owned).unwrap_or(absolute);
+    Ok(to_text(if inside == Path::new("") { PathBuf::from(".") } else { inside }))
+}
+
+/// Replaces the paths among the settings of a stage.
+fn map_paths(
+    stage: &Stage,
+    settings: &mut Json,
+    path: &impl Fn(&str) -> Result<String, RunError>,
+) -> Result<(), RunError> {
+    let schema = stage.kind.json_schema();
+    let Some(settings) = settings.as_object_mut() else { return Ok(()) };
+    for (name, value) in settings {
+        let is_path = match schema["properties"][name]["format"].as_str() {
+            Some("path") => true,
+            // A lens is a file or a word.
+            Some("lens") => value.as_str().is_some_and(|lens| to_path(lens).is_file()),
+            _ => false,
+        };
+        let texts = match value {
+            Json::Array(list) if is_path => list.iter_mut().collect(),
+            value if is_path => vec![value],
+            _ => Vec::new(),
+        };
+        for text in texts {
+            if let Json::String(text) = text
+                && !text.is_empty()
+            {
+                *text = path(text)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// BLAKE3 over the version, the stages with their settings, and the inputs.
+fn key_of(order: &Order, inputs: &[TaskInput]) -> Result<String, RunError> {
+    let all = (env!("CARGO_PKG_VERSION"), order.stages(), inputs);
+    let text = serde_json::to_vec(&all).map_err(|e| RunError::Internal(e.to_string()))?;
+    Ok(format!("b3:{}", blake3::hash(&text).to_hex()))
+}
+
+fn is_id(id: &str) -> bool {
+    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+    !id.is_empty() && id.len() <= MAX_ID + 12 && id.chars().all(fits) && !id.starts_with(['.', '-'])
+}
+
+/// Names of tasks, made of the keys of their items.
+#[derive(Debug, Default)]
+struct Ids {
+    taken: HashSet<String>,
+}
+
+impl Ids {
+    fn next(&mut self, key: &str) -> String {
+        let fit = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-') { c } else { '_' };
+        let all: Vec<char> = key.chars().map(fit).collect();
+        // The end tells items apart: keys begin with the same folder.
+        let end: String = all[all.len().saturating_sub(MAX_ID)..].iter().collect();
+        let name = match end.trim_start_matches(['.', '-', '_']) {
+            "" => "task",
+            name => name,
+        };
+        let mut id = name.to_owned();
+        let mut number = 2;
+        while !self.taken.insert(id.clone()) {
+            id = format!("{name}-{number}");
+            number += 1;
+        }
+        id
+    }
+}
+
+#[cfg(test)]
+mod tests;
