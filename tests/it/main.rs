@@ -3,6 +3,7 @@
 mod allocations;
 mod bad_input_cli;
 mod batch;
+mod cache;
 mod cli;
 mod companions;
 mod dependencies;

@@ -297,6 +297,7 @@ fn a_summary_reads_well() {
         lens: None,
         source_shown: None,
         lines: None,
+        cached: vec!["tracks".into()],
         cut_short: false,
         warnings: vec!["2 corrupt packets were concealed".into()],
         seconds: 12.0,

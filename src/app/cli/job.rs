@@ -34,6 +34,9 @@ pub(super) struct JobArgs {
     /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
     #[arg(long = "allow-path", value_name = "DIR")]
     allow_paths: Vec<PathBuf>,
+    /// Folder of a cache of what was computed before, such as the tracks of a clip; the variable PLUMBLINE_CACHE names one as well
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
     /// Form of the progress messages
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
     progress: ProgressMode,
@@ -98,6 +101,7 @@ impl JobArgs {
             strict: false,
             progress: self.progress,
             allow_paths: self.allow_paths.iter().map(|folder| literal_path(folder)).collect(),
+            cache: self.cache.as_deref().map(literal_path),
         };
         Ok(PipelineFile { run: entries_of(&run, &RunSettings::default()), ..command.pipeline()? })
     }

@@ -3,6 +3,7 @@
 //! Standard output carries results only; progress, summaries and errors go to standard error. Exit statuses: [`Exit`].
 
 mod blend;
+mod cache;
 mod check;
 mod clip;
 mod completions;
@@ -146,7 +147,7 @@ enum PipelineCommand {
     /// Deform meshes: a few vertices are fixed or moved, and the rest follows
     Deform(Box<JobCommand<deform::DeformArgs>>),
     /// Compute the vibration modes of a mesh, and its near-rigid parts
-    Modes(JobCommand<modes::ModesArgs>),
+    Modes(Box<JobCommand<modes::ModesArgs>>),
     /// Compute skinning weights, or learn a skin from examples
     Skin(skin::SkinArgs),
     /// Extract the skeletons of meshes (auto-rig)
@@ -169,13 +170,15 @@ enum ToolCommand {
     /// Inspect, repair and convert mesh files
     Mesh(mesh::MeshArgs),
     /// Run a pipeline file
-    Run(run::RunArgs),
+    Run(Box<run::RunArgs>),
     /// Check a pipeline file and its batch without opening an input
     Check(check::CheckArgs),
     /// Show the passes of a pipeline and the memory that each needs
     Plan(plan::PlanArgs),
     /// Do one task of a plan, for an engine that hands them out
     Task(task::TaskArgs),
+    /// Show what a cache holds, or remove it
+    Cache(cache::CacheArgs),
     /// Draw the stages of a pipeline
     Graph(graph::GraphArgs),
     /// Describe the stage kinds: ports, settings, defaults
@@ -378,6 +381,7 @@ fn dispatch(command: Command, session: &Session<'_>) -> Result<Exit, Failure> {
         ToolCommand::Check(args) => args.run(),
         ToolCommand::Plan(args) => args.run(session),
         ToolCommand::Task(args) => args.run(session),
+        ToolCommand::Cache(args) => args.run(),
         ToolCommand::Graph(args) => args.run(),
         ToolCommand::Stages(args) => args.run(),
         ToolCommand::Schema(args) => Ok(args.run()),

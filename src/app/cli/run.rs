@@ -15,7 +15,7 @@ use super::session::{RESULTS, Session, Verbosity};
 use super::{PipelineArgs, print, worker};
 use crate::pipeline::execute::{Backend, Report, execute};
 use crate::pipeline::options::ProgressMode;
-use crate::pipeline::paths::shown;
+use crate::pipeline::paths::{shown, to_text};
 use crate::pipeline::progress::{error_line, for_mode, up_to_date_line};
 use crate::pipeline::results::Results;
 use crate::pipeline::{Exit, Instance, Pipeline, PipelineFile, check, print as file_text};
@@ -37,6 +37,9 @@ pub(super) struct RunArgs {
     /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
     #[arg(long = "allow-path", value_name = "DIR")]
     allow_paths: Vec<PathBuf>,
+    /// Folder of a cache of what was computed before, such as the tracks of a clip; the variable PLUMBLINE_CACHE names one as well
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
     /// Losses are errors, not warnings: a clip that is cut short, a stream that a container cannot store
     #[arg(long)]
     strict: bool,
@@ -60,6 +63,9 @@ impl RunArgs {
         pipeline.run.progress = self.progress.unwrap_or(pipeline.run.progress);
         let allowed = self.allow_paths.iter().map(|folder| folder.to_string_lossy().into_owned());
         pipeline.run.allow_paths.extend(allowed);
+        if let Some(folder) = &self.cache {
+            pipeline.run.cache = Some(to_text(folder));
+        }
         if self.print_pipeline {
             print(&file_text(&pipeline.file));
             return Ok(Exit::Done);

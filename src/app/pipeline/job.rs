@@ -30,6 +30,8 @@ pub struct Job<'a> {
     pub overwrite: bool,
     /// Folders of files that an input may name, besides its own.
     pub allow_paths: &'a [PathBuf],
+    /// Folder of the cache of what was computed before.
+    pub cache: Option<&'a Path>,
     /// What would be lost without a word more than a warning is an error: a clip that is cut short, a stream that cannot be kept.
     pub strict: bool,
     /// Where to report frames done.
@@ -55,6 +57,9 @@ pub struct JobOptions {
     /// See [`Job::allow_paths`].
     #[serde(with = "as_texts")]
     pub allow_paths: Vec<PathBuf>,
+    /// See [`Job::cache`]: one folder or none.
+    #[serde(default, with = "as_texts")]
+    pub cache: Vec<PathBuf>,
 }
 
 impl<'a> Job<'a> {
@@ -66,8 +71,9 @@ impl<'a> Job<'a> {
         cancel: &'a Arc<AtomicBool>,
         publishing: Option<&'a Publishing<'a>>,
     ) -> Self {
-        let JobOptions { threads, overwrite, strict, ref allow_paths } = *options;
-        Self { instance, threads, overwrite, allow_paths, strict, progress, cancel, publishing }
+        let JobOptions { threads, overwrite, strict, ref allow_paths, ref cache } = *options;
+        let cache = cache.first().map(PathBuf::as_path);
+        Self { instance, threads, overwrite, allow_paths, cache, strict, progress, cancel, publishing }
     }
 }
 

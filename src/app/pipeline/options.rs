@@ -6,6 +6,8 @@ use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::paths::to_path;
+
 /// How progress is reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -51,6 +53,10 @@ pub struct RunSettings {
     /// Folders of files that an input may name, such as the buffers of a glTF file, besides the folder of the input itself
     #[schemars(extend("format" = "path"))]
     pub allow_paths: Vec<String>,
+    /// Folder of a cache of what was computed before, such as the tracks of a clip; none if left out, unless the variable
+    /// PLUMBLINE_CACHE names one
+    #[schemars(extend("format" = "path"))]
+    pub cache: Option<String>,
 }
 
 impl RunSettings {
@@ -72,6 +78,13 @@ impl RunSettings {
             0 => processors,
             n => (n as usize).min((4 * processors).max(64)),
         }
+    }
+
+    /// The folder of the cache; `None`: nothing is cached.
+    pub fn cache_folder(&self) -> Option<PathBuf> {
+        let named =
+            self.cache.as_deref().map(to_path).or_else(|| std::env::var_os("PLUMBLINE_CACHE").map(PathBuf::from));
+        named.filter(|folder| !folder.as_os_str().is_empty())
     }
 
     /// Folders of files that an input may name, besides its own.

@@ -70,6 +70,9 @@ pub struct Summary {
     pub readout_s: Option<f64>,
     /// A clip ended before its container says: the result is a part of what there should be.
     pub cut_short: bool,
+    /// Stages whose results came from the cache.
+    #[serde(default)]
+    pub cached: Vec<String>,
     /// What the user should know: concealed packets, streams left out, a clip that passed unchanged.
     pub warnings: Vec<String>,
     /// The window that a clip's new shape shows of its pictures.
@@ -217,6 +220,7 @@ impl Summary {
         facts.extend(self.source_shown.map(|shown| format!("shows {:.0} % of the source", 100.0 * shown)));
         facts.extend(self.lines.as_ref().map(|lines| format!("lines {lines}")));
         facts.extend(self.lens.as_ref().map(|lens| format!("lens {lens}")));
+        facts.extend((!self.cached.is_empty()).then(|| format!("{} cached", self.cached.join(", "))));
         let files = match outputs.as_slice() {
             [] => "no file".to_owned(),
             [first, .., last] if outputs.len() > MAX_LISTED => format!("{first} to {last} ({} files)", outputs.len()),
@@ -258,6 +262,9 @@ impl fmt::Display for Summary {
             writeln!(f, "  picture   {width}×{height} px, in {:.2} s", self.seconds)?;
         } else if self.surface.is_some() {
             writeln!(f, "  took      {:.2} s", self.seconds)?;
+        }
+        if !self.cached.is_empty() {
+            writeln!(f, "  cached    {}", self.cached.join(", "))?;
         }
         if let Some(window) = &self.window {
             writeln!(f, "  window    {window}")?;

@@ -322,6 +322,7 @@ mod tests {
             threads: 1,
             overwrite: false,
             allow_paths: &[],
+            cache: None,
             strict: false,
             progress: &progress,
             cancel: &cancel,

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::clip::cached_tracks::CachedTracks;
 use super::clip::stream::for_each_frame;
 use super::clip::summary::shot_segment;
 use super::lens_undistort::Undistorted;
@@ -13,7 +14,8 @@ use crate::stages::{MotionSettings, SmoothSettings, VideoRetargetSettings, WarpS
 use plumbline_media::{Input, Ratio, VideoInfo};
 use plumbline_video::motion::ClipMotion;
 pub use plumbline_video::stabilize::TrackingOptions as TrackSettings;
-use plumbline_video::stabilize::{ClipInfo, ClipTracker, Tracks, complete_motion};
+use plumbline_video::stabilize::{ClipInfo, ClipTracker, Tracks, WindowJoiner, complete_motion};
+use plumbline_video::track::AnalysisWindows;
 
 impl Stage for TrackSettings {
     const KIND: &'static str = "video.track";
@@ -53,15 +55,44 @@ impl Stage for TrackSettings {
             Some(edge) => Some(context.values.get::<Undistorted>(edge)?.clone()),
             None => None,
         };
-        let mut tracker = ClipTracker::new(&clip_info(&video), &options, lens.as_ref().map(Undistorted::carrier))?;
+        let (info, carrier) = (clip_info(&video), lens.as_ref().map(Undistorted::carrier));
         let mut estimators = importance_estimators(context, decode, &video)?;
-        context.job.progress.begin(context.pass.index, "analyze", video.frames_estimate);
-        let report = for_each_frame(context.job, reader, |frame| {
-            let cut = tracker.push(&frame)?;
-            estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
-        })?;
-        context.report_damage(&report);
-        let (motion, tracks) = tracker.finish()?;
+        let cached = CachedTracks::of(context, decode, &options);
+        // What looks at the pictures themselves needs them.
+        let known = match cached.as_ref().filter(|_| estimators.is_empty()) {
+            Some(cached) => {
+                cached.find(WindowJoiner::new(&info, &options, AnalysisWindows::default(), carrier)?, context)?
+            }
+            None => None,
+        };
+        let (motion, tracks) = if let Some(known) = known {
+            context.summary.cached.push("tracks".to_owned());
+            known
+        } else {
+            let mut tracker = ClipTracker::new(&info, &options, carrier)?;
+            let mut recording = cached.and_then(|cached| cached.begin((info.width, info.height), context));
+            context.job.progress.begin(context.pass.index, "analyze", video.frames_estimate);
+            let report = for_each_frame(context.job, reader, |frame| {
+                let mut owner = usize::MAX;
+                let cut = tracker.push_noting(&frame, |window, tracks| {
+                    owner = owner.min(window);
+                    if let Some(recording) = &mut recording {
+                        recording.note(window, tracks);
+                    }
+                })?;
+                if let Some(recording) = &mut recording {
+                    recording.flush(owner);
+                }
+                estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
+            })?;
+            let warnings = context.summary.warnings.len();
+            context.report_damage(&report);
+            // Of a damaged clip the decoder has to report each time.
+            if let Some(recording) = recording.filter(|_| context.summary.warnings.len() == warnings) {
+                recording.publish(context);
+            }
+            tracker.finish()?
+        };
         for estimator in estimators {
             estimator.finish(context);
         }

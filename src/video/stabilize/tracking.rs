@@ -201,6 +201,18 @@ impl<'a> ClipTracker<'a> {
     /// # Errors
     /// [`StabilizeError::Store`]: the temporary folder is full.
     pub fn push(&mut self, frame: &Frame) -> Result<bool, StabilizeError> {
+        self.push_noting(frame, |_, _| ())
+    }
+
+    /// [`Self::push`]; `note` is given the tracks of each window that reads the frame, before they are joined.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn push_noting(
+        &mut self,
+        frame: &Frame,
+        mut note: impl FnMut(usize, &FrameTracks),
+    ) -> Result<bool, StabilizeError> {
         let readers = self.windows.of(self.frames);
         self.active.retain(|(window, _)| readers.contains(window));
         let mut cut = false;
@@ -212,6 +224,7 @@ impl<'a> ClipTracker<'a> {
         for (window, tracker) in &mut self.active {
             let tracks = tracker.push(frame);
             cut |= window == readers.start() && tracks.quality.starts_shot();
+            note(*window, &tracks);
             self.joiner.push_frame(*window, tracks)?;
         }
         self.frames += 1;

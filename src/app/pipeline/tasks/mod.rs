@@ -136,6 +136,8 @@ impl TaskPlan {
                 overwrite: false,
                 strict: pipeline.run.strict || instance.is_strict(),
                 allow_paths: pipeline.run.allowed_folders(),
+                // Each machine has its own.
+                cache: Vec::new(),
             };
             let mut order = Order::of(instance, options);
             let stages = instance.graph.stages.iter();

@@ -89,7 +89,13 @@ mod tests {
 
     #[test]
     fn an_order_gives_back_the_instance_of_every_shipped_pipeline() {
-        let options = JobOptions { threads: 3, overwrite: true, strict: true, allow_paths: vec!["shared".into()] };
+        let options = JobOptions {
+            threads: 3,
+            overwrite: true,
+            strict: true,
+            allow_paths: vec!["shared".into()],
+            cache: vec!["cached".into()],
+        };
         for (name, _) in shipped::SHIPPED {
             let source = shipped::find_source(name).expect("shipped");
             let pipeline = read(source, &["batch.foreach=item.x".to_owned()]).expect("no faults");
