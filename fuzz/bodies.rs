@@ -2,7 +2,9 @@
 //! fuzzer.
 
 use std::io::Cursor;
+use std::path::Path;
 
+use plumbline::app::pipeline::tasks::{TaskFormat, TaskPlan, export};
 use plumbline::app::pipeline::{Source, print, read};
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::image::feature::Mask;
@@ -106,6 +108,21 @@ pub fn pipeline_file(bytes: &[u8]) {
             assert_eq!(again, pipeline);
         }
     }
+}
+
+/// A plan of any bytes is refused or read, never a panic; its tasks have instances or are refused, and what is read can be exported and
+/// reads back as the same.
+pub fn plan_file(bytes: &[u8]) {
+    let Ok(plan) = TaskPlan::parse(&String::from_utf8_lossy(bytes)) else { return };
+    for task in &plan.tasks {
+        if let Ok(instance) = task.instance() {
+            let _ = (instance.inputs(), instance.outputs(), task.output_outside(&[]));
+        }
+    }
+    for format in [TaskFormat::Make, TaskFormat::Slurm, TaskFormat::Hq, TaskFormat::Dot] {
+        assert!(!export(&plan, Path::new("plan.json"), Path::new("."), format).is_empty());
+    }
+    assert_eq!(TaskPlan::parse(&plan.to_text().expect("plain data")), Ok(plan));
 }
 
 /// A lens file of any bytes is refused or read, never a panic; the lens that was read can be used, written and read again.

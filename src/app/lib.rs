@@ -1,6 +1,5 @@
 //! The program: pipeline files and their stages, reports, the command line.
 
-pub mod cache;
 pub mod cli;
 pub mod pipeline;
 pub mod report;

@@ -5,8 +5,10 @@
 mod bodies;
 
 use std::io::Cursor;
+use std::path::Path;
 
 use crate::support::clips::{make, workshop};
+use plumbline::app::pipeline::tasks::TaskPlan;
 use plumbline::image::still::{GainMap, Photo, SaveOptions, StillFormat, Xmp, encode, frame_of_rgb};
 use plumbline::num::run::Run;
 use plumbline::num::time::{Timebase, Timestamp};
@@ -128,6 +130,19 @@ fn no_pipeline_file_makes_the_reader_panic() {
     let built = plumbline::app::cli::pipeline_of(all).expect("options in order");
     examples.push(plumbline::app::pipeline::print(&built).into_bytes());
     hammer(&examples, bodies::pipeline_file, 1);
+}
+
+#[test]
+fn no_plan_makes_the_reader_panic() {
+    let examples = ["rectify", "stabilize", "rig-and-pose"].map(|name| {
+        let source = plumbline::app::pipeline::shipped::find_source(name).expect("shipped");
+        let pipeline = plumbline::app::pipeline::read(source, &["batch.foreach=item.x".to_owned()]).expect("no faults");
+        let instances = pipeline.instances().expect("one item");
+        let plan = TaskPlan::of(&pipeline, &instances, Path::new("."), &plumbline::app::stages::BuiltinStages)
+            .expect("a plan");
+        plan.to_text().expect("plain data").into_bytes()
+    });
+    hammer_times(FEW_ROUNDS, &examples, bodies::plan_file, 31);
 }
 
 /// Fewer than of the others: each opens decoders and encoders.

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 
 use super::failure::Failure;
 use super::print;
-use crate::cache::{Cache, Usage};
+use crate::pipeline::cache::{Cache, Usage};
 use crate::pipeline::memory::human_bytes;
 use crate::pipeline::units::ByteSize;
 use crate::pipeline::{Exit, RunError};

@@ -8,6 +8,7 @@
 //! [`crate::stages`] holds the kinds of stages.
 
 pub mod batch;
+pub mod cache;
 mod check;
 mod connect;
 pub mod describe;

@@ -174,7 +174,19 @@ impl TaskPlan {
     pub fn read(path: &Path) -> Result<Self, PlanError> {
         let wrong = |fault: String| PlanError::Read(format!("{}: {fault}", path.display()));
         let text = KIND.text(path).map_err(|e| wrong(e.to_string()))?;
-        let json: Json = serde_json::from_str(&text).map_err(|e| wrong(format!("not a plan of tasks: {e}")))?;
+        Self::parse(&text).map_err(|error| match error {
+            PlanError::Read(fault) => wrong(fault),
+            version @ PlanError::Version { .. } => version,
+        })
+    }
+
+    /// Reads the text of a plan.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn parse(text: &str) -> Result<Self, PlanError> {
+        let wrong = PlanError::Read;
+        let json: Json = serde_json::from_str(text).map_err(|e| wrong(format!("not a plan of tasks: {e}")))?;
         if json["format"] != KIND.format {
             return Err(wrong(format!("not a plan of tasks (expected \"format\": \"{}\")", KIND.format)));
         }

@@ -4,8 +4,8 @@ use std::io;
 
 use serde_json::json;
 
-use crate::cache::{Cache, Entry, Key, NewEntry};
 use crate::pipeline::RunError;
+use crate::pipeline::cache::{Cache, Entry, Key, NewEntry};
 use crate::pipeline::paths::to_path;
 use crate::stages::context::Context;
 use crate::stages::{DecodeSettings, TrackSettings};

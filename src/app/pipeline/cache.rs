@@ -18,7 +18,7 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::paths::to_text;
+use super::paths::to_text;
 
 /// Largest file of an entry, bytes: a window of 616 frames with the most points takes a tenth.
 const MAX_FILE: u64 = 1 << 30;
@@ -41,7 +41,7 @@ impl Key {
     ///
     /// # Example
     /// ```
-    /// use plumbline_app::cache::Key;
+    /// use plumbline_app::pipeline::cache::Key;
     ///
     /// let key = |points: u32| Key::new("video.track", 1, &("b3:77aa", points));
     /// assert_eq!(key(600), key(600));
