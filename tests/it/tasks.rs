@@ -54,6 +54,8 @@ fn what_an_engine_ran_is_done_for_everybody() {
     assert_eq!(std::fs::read(folder.path().join("out/a.png")).expect("a result"), before);
     let all = succeed(folder.path(), &["run", "job.toml"]);
     assert!(err(&all).contains("3 up to date, 0 to do"), "{}", err(&all));
+    let planned = out(&succeed(folder.path(), &["plan", "job.toml"]));
+    assert!(planned.starts_with("3 items (3 up to date, 0 to do), "), "{planned}");
     let log = std::fs::read_to_string(folder.path().join("out/.plumbline/logs/in_a.png.log")).expect("a log");
     assert_eq!(log.matches("exit status 0").count(), 2, "{log}");
 }

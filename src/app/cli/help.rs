@@ -12,8 +12,8 @@ const GROUPS: [(&str, &[&str]); 6] = [
     ("Photos", &["rectify", "retarget"]),
     ("Meshes", &["mesh", "deform", "modes", "morph", "blend", "compose", "render"]),
     ("Characters", &["skeleton", "skin", "pose"]),
-    ("Pipelines", &["run", "check", "plan", "graph", "stages", "schema"]),
-    ("Tools", &["solve", "doctor", "completions"]),
+    ("Pipelines", &["run", "check", "plan", "task", "graph", "stages", "schema"]),
+    ("Tools", &["solve", "cache", "doctor", "completions"]),
 ];
 
 /// The exit codes, for every command.

@@ -10,8 +10,10 @@ use super::session::Session;
 use super::{PipelineArgs, print};
 use crate::pipeline::memory::human_bytes;
 use crate::pipeline::plan::temporary_space;
+use crate::pipeline::progress::up_to_date_line;
+use crate::pipeline::records::{Records, Standing};
 use crate::pipeline::tasks::{TaskFormat, TaskPlan, export};
-use crate::pipeline::{Exit, Plan};
+use crate::pipeline::{Exit, Instance, Plan};
 use crate::stages::files::write_whole;
 use plumbline_num::files::{IfExists, free_space};
 
@@ -92,7 +94,11 @@ impl PipelineArgs {
         if let (Some(batch), Some(first)) = (&pipeline.batch, first) {
             let count = instances.len();
             let jobs = if batch.jobs == 0 { "as many as fit".to_owned() } else { batch.jobs.to_string() };
-            text = format!("{count} items, {jobs} at once; figures for `{}`\n", first.key);
+            let records = Records::default();
+            let is_done = |instance: &&Instance| records.standing(instance) == Standing::UpToDate;
+            let done = instances.iter().filter(is_done).count();
+            let done = up_to_date_line(done, count).map_or_else(String::new, |line| format!(" ({line})"));
+            text = format!("{count} items{done}, {jobs} at once; figures for `{}`\n", first.key);
         }
         text.push_str(&Plan::of(graph).describe(graph, clip.as_ref()));
         let folder = std::env::temp_dir();

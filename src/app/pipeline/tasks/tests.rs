@@ -34,7 +34,7 @@ fn every_shipped_pipeline_has_a_plan_that_reads_back() {
         let path = folder.path().join("plan.json");
         std::fs::write(&path, plan.to_text().expect("plain data")).expect("written");
         assert_eq!(TaskPlan::read(&path), Ok(plan.clone()), "{name}");
-        assert_eq!(plan.tasks[0].id, "item.x");
+        assert!(plan.tasks[0].id.starts_with("item"), "{}", plan.tasks[0].id);
         let instance = plan.tasks[0].instance().expect("known kinds");
         assert_eq!(instance.inputs(), plan.tasks[0].inputs.iter().map(|i| to_path(&i.path)).collect::<Vec<_>>());
     }
@@ -47,7 +47,7 @@ fn paths_start_from_the_root_and_those_outside_are_absolute() {
     std::fs::create_dir(root.join("in")).expect("a folder");
     let inside = root.join("in/a.jpg").display().to_string();
     let out = root.parent().expect("no root").join("elsewhere.jpg").display().to_string();
-    let set = [format!("batch.foreach={inside}"), format!("stage.out.path={out}")];
+    let set = [format!("batch.foreach={inside}"), format!("out.path={out}")];
     let plan = plan_of("rectify", &set.each_ref().map(String::as_str), &root);
     let task = &plan.tasks[0];
     assert_eq!((task.inputs[0].path.as_str(), task.outputs.as_slice()), ("in/a.jpg", [out].as_slice()));
@@ -71,7 +71,7 @@ fn a_key_follows_settings_and_inputs() {
     let there = key(&[]);
     std::fs::write(&photo, "xy").expect("written");
     let longer = key(&[]);
-    let keys = HashSet::from([missing, there, longer.clone(), key(&["stage.out.quality=80"])]);
+    let keys = HashSet::from([missing, there, longer.clone(), key(&["out.quality=80"])]);
     assert_eq!(keys.len(), 4);
     assert_eq!(key(&["run.threads=1", "run.progress=none"]), longer, "not of the way in which it runs");
 }
