@@ -46,13 +46,15 @@ use plumbline_image::grid::{CellPoint, Grid, GridMesh, Quad};
 use plumbline_num::energy::{BorderedEnergy, EnergyError, Ordering};
 use plumbline_num::math::{Point2, Vec2};
 use plumbline_num::run::Run;
+use plumbline_num::sparse::SparseError;
 
 /// `ε`: five orders below the default conformality weight, so that it does not bend the solution, and ten above
 /// rounding. The solution is rescaled, so its absolute size has no effect.
 const REGULARIZATION: f64 = 1e-6;
-/// Diagonal term on all unknowns: keeps the system definite when a line has shrunk to a point and its offsets occur in
-/// no equation. Far below [`REGULARIZATION`].
-const PIVOT_FLOOR: f64 = 1e-9;
+/// Diagonal terms on all unknowns: keep the system definite when a line has shrunk to a point and its offsets occur in no equation.
+/// Far below [`REGULARIZATION`]; the next one where that is below the rounding of what the offsets of lines are in, as where seven
+/// lines at odds with each other hold each other in place.
+const PIVOT_FLOORS: [f64; 3] = [1e-9, 1e-7, 1e-5];
 /// Conformality of cells outside the picture relative to those inside: they only extrapolate the map, and at 1 would
 /// resist as much as visible cells.
 const OUTSIDE_WEIGHT: f64 = 0.1;
@@ -265,15 +267,17 @@ impl Sheet {
         mesh: &GridMesh,
         run: &Run,
     ) -> Result<GridMesh, EnergyError> {
-        let offsets: usize = lines.iter().map(GridLine::offsets).sum();
-        self.energy.clear(offsets + FACE_UNKNOWNS * self.faces.len());
-        self.add_cells(cells);
-        self.add_lines(lines, mesh);
-        self.add_faces(offsets);
-        self.add_regularization();
         let rest = self.rest();
         let pairs = |x: &[f64]| x.chunks_exact(2).map(|u| Vec2::new(u[0], u[1])).collect::<Vec<_>>();
-        let mut found = pairs(self.energy.minimize(run)?);
+        let mut floors = PIVOT_FLOORS.into_iter().peekable();
+        let mut found = loop {
+            let floor = floors.next().unwrap_or_default();
+            self.assemble(lines, cells, mesh, floor);
+            match self.energy.minimize(run) {
+                Err(EnergyError::Solve(SparseError::Pivot { .. })) if floors.peek().is_some() => {}
+                found => break pairs(found?),
+            }
+        };
         if lines.iter().all(|line| line.normal.is_none()) {
             let aside: Vec<f64> = rest.iter().flat_map(|s| [-s.y, s.x]).collect();
             let answer = pairs(&self.energy.response(&aside));
@@ -284,6 +288,16 @@ impl Sheet {
         let dot = |a: &[Vec2]| a.iter().zip(&rest).map(|(a, s)| a.dot(s)).sum::<f64>();
         let scale = dot(&rest) / dot(&found);
         Ok(self.mesh(found.into_iter().map(|u| scale * u).collect()))
+    }
+
+    /// Enters the energy linearized about `mesh`.
+    fn assemble(&mut self, lines: &[GridLine], cells: &[f64], mesh: &GridMesh, floor: f64) {
+        let offsets: usize = lines.iter().map(GridLine::offsets).sum();
+        self.energy.clear(offsets + FACE_UNKNOWNS * self.faces.len());
+        self.add_cells(cells);
+        self.add_lines(lines, mesh);
+        self.add_faces(offsets);
+        self.add_regularization(floor);
     }
 
     /// Vertices from their mean as a mesh in the chart.
@@ -338,8 +352,8 @@ impl Sheet {
         }
     }
 
-    fn add_regularization(&mut self) {
-        self.energy.add_everywhere(PIVOT_FLOOR, 0.0);
+    fn add_regularization(&mut self, floor: f64) {
+        self.energy.add_everywhere(floor, 0.0);
         for i in 0..self.sphere.grid.vertex_count() {
             let s = self.sphere.vertex(i) - self.mean;
             self.energy.add(self.regularization + 2 * i, REGULARIZATION, &[1.0], s.x);
