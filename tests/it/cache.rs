@@ -1,4 +1,4 @@
-//! The cache of tracks: the same results, less work, and nothing believed that is damaged.
+//! The cache of tracks: the same results, less work, and nothing taken from it that is damaged.
 
 use std::path::Path;
 

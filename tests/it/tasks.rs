@@ -109,7 +109,7 @@ fn a_task_says_by_its_exit_status_whether_to_try_again() {
     let (code, text) = exit(&[], "in_b.png");
     assert!(code == 4 && text.contains("make the plan again"), "{text}");
     let plan = std::fs::read_to_string(folder.path().join("plan.json")).expect("a plan");
-    let other = plan.replace(&format!("\"program\": \"{}\"", env!("CARGO_PKG_VERSION")), "\"program\": \"9.9.9\"");
+    let other = plan.replace(&format!("\"program\":\"{}\"", env!("CARGO_PKG_VERSION")), "\"program\":\"9.9.9\"");
     std::fs::write(folder.path().join("plan.json"), other).expect("written");
     let (code, text) = exit(&[], "in_a.png");
     assert!(code == 4 && text.contains("9.9.9"), "{text}");

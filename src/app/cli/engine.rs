@@ -65,6 +65,11 @@ impl EngineArgs {
         }
     }
 
+    /// Another program does the work, so that options of the built-in executor have no effect.
+    pub(super) fn is_elsewhere(&self) -> bool {
+        self.engine != Engine::Builtin
+    }
+
     /// The folder of this machine that others share.
     fn root(&self) -> PathBuf {
         self.root.clone().unwrap_or_else(|| PathBuf::from("."))

@@ -70,6 +70,13 @@ impl RunArgs {
             print(&file_text(&pipeline.file));
             return Ok(Exit::Done);
         }
+        let again = &self.again;
+        if self.engine.is_elsewhere()
+            && (again.results.is_some() || again.retry_failed.is_some() || again.existing().is_some())
+        {
+            let why = "its tasks keep what is up to date, and report by their exit status";
+            return Err(Failure::usage(format!("--engine takes no --existing, --results and --retry-failed: {why}")));
+        }
         match self.engine.run(&pipeline, session)? {
             Some(exit) => Ok(exit),
             None => run_pipeline(&pipeline, &self.again, session),

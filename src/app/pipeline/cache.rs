@@ -19,6 +19,7 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::paths::to_text;
+use plumbline_num::files::open_regular;
 
 /// Largest file of an entry, bytes: a window of 616 frames with the most points takes a tenth.
 const MAX_FILE: u64 = 1 << 30;
@@ -160,7 +161,7 @@ impl Cache {
     /// # Errors
     /// A file that cannot be read, or that changes while it is.
     pub fn digest_of(&self, path: &Path) -> io::Result<String> {
-        let mut file = File::open(path)?;
+        let mut file = open_regular(path)?;
         let state = |file: &File| -> io::Result<String> {
             let meta = file.metadata()?;
             let modified = meta.modified()?;

@@ -170,7 +170,7 @@ impl Way<'_> {
 }
 
 /// Memory that a still picture may take while it is at work: one of 50 MP and 8 bit, decoded, in planes and sampled.
-const BYTES_PER_PHOTO: u64 = 512 << 20;
+pub(super) const BYTES_PER_PHOTO: u64 = 512 << 20;
 
 /// How many still pictures the memory that is free now has room for, at least 1.
 fn photos_in_memory() -> usize {

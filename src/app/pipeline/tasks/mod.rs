@@ -25,6 +25,7 @@ use serde_json::Value as Json;
 
 use super::batch::Instance;
 use super::check::Pipeline;
+use super::execute::BYTES_PER_PHOTO;
 use super::graph::Stage;
 use super::job::{JobOptions, StageRunner};
 use super::paths::{to_path, to_text};
@@ -42,8 +43,6 @@ const KIND: Kind = Kind { name: "a plan of tasks", format: "plumbline.plan", max
 const RETRIES: u32 = 2;
 /// Memory of the program itself beside what stages state, bytes.
 const PROGRAM_BYTES: u64 = 150 << 20;
-/// Memory of a task without a clip, bytes: a picture of 50 megapixels, decoded, in planes and sampled.
-const STILL_BYTES: u64 = 512 << 20;
 /// Longest time for a task, s: a day for clips, an hour for all else.
 const TIMEOUTS: (u64, u64) = (86_400, 3_600);
 /// Longest name of a task, characters.
@@ -128,7 +127,7 @@ impl TaskPlan {
         };
         let task = |instance: &Instance| -> Result<Task, RunError> {
             let clip = if still { None } else { clip_of(instance, runner) };
-            let memory = clip.map_or(STILL_BYTES, |clip| {
+            let memory = clip.map_or(BYTES_PER_PHOTO, |clip| {
                 instance.plan.passes.iter().map(|pass| pass.memory(&instance.graph, Some(&clip))).max().unwrap_or(0)
             });
             let options = JobOptions {
@@ -204,7 +203,7 @@ impl TaskPlan {
     /// # Errors
     /// [`RunError::Internal`]: none is known.
     pub fn to_text(&self) -> Result<String, RunError> {
-        serde_json::to_string_pretty(self).map(|text| text + "\n").map_err(|e| RunError::Internal(e.to_string()))
+        serde_json::to_string(self).map(|text| text + "\n").map_err(|e| RunError::Internal(e.to_string()))
     }
 
     /// The task of this name.
