@@ -10,9 +10,9 @@ use nalgebra::{SMatrix, SVector};
 use super::TracedEdge;
 use plumbline_num::math::{Point2, Vec2};
 
-/// Largest distance of an edge's continuation from the cubic through what is known of it, px: twice the scatter of samples, half the
+/// Usual largest distance of an edge's continuation from the cubic through what is known of it, px: twice the scatter of samples, half the
 /// least distance between two edges that are distinguished.
-const MAX_OFF_CUBIC: f64 = 0.7;
+pub const MAX_OFF_CUBIC: f64 = 0.7;
 /// Rounds in which samples that lie off the smooth part are left out, and how far off they lie: in medians of all distances, and at
 /// least, px.
 const TRIMMINGS: usize = 3;
@@ -21,13 +21,14 @@ const MIN_OUTLIER: f64 = 0.3;
 
 impl TracedEdge {
     /// The smooth part: the course and what continues it as a cubic does, without samples that lie off by more than noise does, as
-    /// where a shadow or a hand crosses the edge. Where an edge leaves the cubic through what is known of it, another begins.
+    /// where a shadow or a hand crosses the edge. Where an edge leaves the cubic through what is known of it by more than `max_off` px, such
+    /// as [`MAX_OFF_CUBIC`], another begins.
     #[must_use]
-    pub fn smooth(&self) -> Self {
+    pub fn smooth(&self, max_off: f64) -> Self {
         let points = &self.points;
         let cubic = |known: Range<usize>| SmoothCurve::<4>::through(&points[known]);
         let off = |cubic: &SmoothCurve<4>, k: usize| Some(cubic.off(points[k]).abs());
-        let known = grown(self.course.clone(), points.len(), MAX_OFF_CUBIC, cubic, off)
+        let known = grown(self.course.clone(), points.len(), max_off, cubic, off)
             .map_or_else(|| self.course.clone(), |(known, _)| known);
         let mut own: Vec<bool> = (0..points.len()).map(|k| known.contains(&k)).collect();
         let kept = |own: &[bool]| -> Vec<Point2> {

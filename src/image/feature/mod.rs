@@ -13,7 +13,7 @@ mod saliency;
 mod segments;
 
 pub use corners::{Corner, CornerDetector};
-pub use edge_curve::{SmoothCurve, grown};
+pub use edge_curve::{MAX_OFF_CUBIC, SmoothCurve, grown};
 pub use edge_trace::{EdgeTracer, TracedEdge, averaged};
 pub use error::FeatureError;
 pub use faces::{Face, FaceDetector, FaceOptions};

@@ -19,7 +19,7 @@ use super::Line;
 use crate::{Sight, best_circle};
 use plumbline_camera::{Lens, Vec3};
 use plumbline_image::PlaneRef;
-use plumbline_image::feature::{EdgeTracer, TracedEdge, averaged, grown};
+use plumbline_image::feature::{EdgeTracer, MAX_OFF_CUBIC, TracedEdge, averaged, grown};
 use plumbline_num::math::{Point2, Vec2};
 
 /// Steps between two marks along which an edge is looked for.
@@ -67,7 +67,7 @@ pub fn continued(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<
 
 /// The lines as their edges are measured over their whole visible length, where one is seen along them; else as they are. For lines that
 /// were found: their ends are not anybody's marks.
-pub fn followed(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<Line> {
+pub(super) fn followed(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<Line> {
     carried_on(lines, lens, levels, |line, lens, tracer| {
         let followed = Followed::new(line, lens, tracer, MAX_OFF)?;
         Some(followed.measured(followed.known.clone())).filter(|points| points.len() >= 2)
@@ -109,7 +109,7 @@ struct Followed {
 impl Followed {
     /// `None` where no edge is seen along a line, or its marks do not lie on it.
     fn new(line: &Line, lens: &Lens, tracer: &EdgeTracer<'_>, max_off: f64) -> Option<Self> {
-        let edge = tracer.trace(&line.course(Some(lens), COURSE))?.smooth();
+        let edge = tracer.trace(&line.course(Some(lens), COURSE))?.smooth(MAX_OFF_CUBIC);
         let sights: Vec<Option<Sight>> = edge.points.iter().map(|p| Sight::new(lens, *p)).collect();
         let (known, normal) = supported(&sights, edge.course.clone(), max_off)?;
         let is_off = |p: &Point2| Sight::new(lens, *p).is_none_or(|mark| !(mark.distance(&normal).abs() <= max_off));

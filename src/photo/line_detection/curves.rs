@@ -4,7 +4,7 @@
 //! are: the longest smooth ones are followed over their whole visible length, and the fit decides which agree.
 
 use plumbline_image::PlaneRef;
-use plumbline_image::feature::{EdgeTracer, averaged, segments};
+use plumbline_image::feature::{EdgeTracer, MAX_OFF_CUBIC, averaged, segments};
 use plumbline_num::math::{Point2, Vec2};
 use plumbline_num::run::{Run, Stopped};
 
@@ -45,7 +45,7 @@ pub fn curves(luma: PlaneRef<'_, f32>, run: &Run) -> Result<Vec<Line>, Stopped> 
         }
         let Some(edge) = tracer.trace(&course) else { continue };
         occupied.add(&edge.points);
-        let edge = edge.smooth();
+        let edge = edge.smooth(MAX_OFF_CUBIC);
         let length = edge.length();
         if length >= least {
             found.push((length, averaged(&edge.points, PARTS)));

@@ -19,6 +19,7 @@ mod curves;
 mod search;
 mod select;
 mod snap;
+mod straight;
 #[cfg(test)]
 mod tests;
 mod unmarked;
@@ -36,7 +37,7 @@ use plumbline_image::feature::segments;
 use plumbline_num::math::{Point2, Rect, Vec2};
 use plumbline_num::run::{Run, Stopped};
 
-pub use continuation::{continued, followed};
+pub use continuation::continued;
 pub use curves::curves;
 pub use search::{LineConstraints, LineSearch};
 pub use snap::snapped;

@@ -3,7 +3,9 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::{DetectedLine, LineDetectionOptions, continued, detect_lines, followed, off_faces, unmarked};
+use super::continuation::followed;
+use super::straight::straight;
+use super::{DetectedLine, LineDetectionOptions, continued, detect_lines, off_faces, unmarked};
 use crate::Line;
 use crate::rectify::SoftLine;
 use plumbline_camera::Lens;
@@ -83,9 +85,10 @@ impl LineSearch {
         Ok(self.detected(lens, run)?.into_iter().map(|detected| detected.line).collect())
     }
 
-    /// Of lines that were found: those that are no edges of faces, over their whole visible length.
+    /// Of lines that were found: those that are no edges of faces and that one edge runs along, as that edge is measured over its
+    /// whole visible length: a lens that is off by a pixel bends what it says is straight.
     pub fn of_found(&self, lines: Vec<Line>, lens: &Lens, faces: &[Rect]) -> LineConstraints {
-        let lines = continued(&off_faces(lines, faces), lens, self.levels.as_ref());
+        let lines = straight(off_faces(lines, faces), lens, self.levels.as_ref());
         LineConstraints { lines, soft: Vec::new() }
     }
 
