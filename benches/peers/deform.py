@@ -2,7 +2,7 @@
 """ARAP beside libigl, on one thread: precomputation, seconds per iteration, and CPU seconds to 1.01 of the converged energy.
 
     deform.py --programs target/release/examples/programs --media DIR [--rounds 3] [--cases NAME,NAME] [--large]
-              [--resolutions] [--scale]
+              [--resolutions] [--scale] [--minima]
 
 Spokes and rims, the same handles, exactly held. libigl starts at rest, as its interface has it; how many of its iterations
 reach 1.01 E* is read off our own local-global iterations from the same start, which are the same ones (both energies are
@@ -12,7 +12,7 @@ once subdivided (173 thousand vertices).
 
 --resolutions prints how far the same tube, bent the same way, comes to rest from where the finest of three meshes does, for
 each method. --scale prints CPU seconds and peak memory of ours as the armadillo is subdivided, and of a bar of a million
-vertices.
+vertices. --minima compares the energies that twenty bends and twists of ten models end with, by initial guess.
 """
 import argparse
 import json
@@ -179,6 +179,68 @@ def scale(a, folder):
               f"{told['peak_mb']:7.0f}  {told['stop']}", flush=True)
 
 
+# Bends and twists between the two tenths at the ends of the longest axis: file, bend, twist (degrees).
+MINIMA = [
+    ("hard/homer.off", 90, 110), ("hard/rocker-arm.off", 80, 150), ("hard/cheburashka.off", 60, 120), ("hard/screwdriver.off", 120, 170),
+    ("igl/elephant.obj", 75, 100), ("igl/arm.obj", 110, 140), ("igl/decimated-knight.off", 60, 90), ("common/spot.obj", 70, 130),
+    ("arapbench/cactus_jacobson.obj", 100, 160), ("rig/male_LR20.off", 65, 170),
+]
+
+
+def ends(V, kind, degrees):
+    """Vertices held and their targets: one end fixed, the other rotated about the middle, across the axis (bend) or along it (twist)."""
+    center = V.mean(0)
+    _, _, axes = np.linalg.svd(V - center, full_matrices=False)
+    along = (V - center) @ axes[0]
+    low, high = along.min(), along.max()
+    middle = center + 0.5 * (low + high) * axes[0]
+    axis = axes[0] if kind == "twist" else axes[2]
+    sets = [{"vertices": np.nonzero(along < low + 0.1 * (high - low))[0].tolist(), "degrees": 0},
+            {"vertices": np.nonzero(along > high - 0.1 * (high - low))[0].tolist(), "degrees": degrees}]
+    return _surfaces.targets(V, [s | {"axis": axis, "pivot": middle, "translation": [0, 0, 0]} for s in sets])
+
+
+def flipped(V, F, U):
+    """Folds: edges whose triangles were within a right angle of each other, and are now more than 120 degrees apart."""
+    normals = [np.cross(X[F[:, 1]] - X[F[:, 0]], X[F[:, 2]] - X[F[:, 0]]) for X in (V, U)]
+    edges = {}
+    for f, t in enumerate(F):
+        for k in range(3):
+            edges.setdefault(tuple(sorted((t[k], t[(k + 1) % 3]))), []).append(f)
+    pairs = np.array([p for p in edges.values() if len(p) == 2])
+    unit = [n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None] for n in normals]
+    flat = [(n[pairs[:, 0]] * n[pairs[:, 1]]).sum(1) for n in unit]
+    return int(((flat[0] > 0) & (flat[1] < -0.5)).sum())
+
+
+def minima(a, folder):
+    """Energies of the default initial guess beside the lowest of libigl from rest and ours from each guess."""
+    print("case                          vertices | lowest       libigl  default     rest   spread   coarse | folds: lowest default | CPU s: libigl default  ratio iterations")
+    good, near, unfolded, fast = 0, 0, 0, 0
+    for name, bend, twist in MINIMA:
+        V, F = _surfaces.read_mesh(a.media / "mesh" / name)
+        _surfaces.write_off(folder / "mesh.off", V, F)
+        for kind, degrees in (("bend", bend), ("twist", twist)):
+            b, T = ends(V, kind, degrees)
+            _surfaces.write_pose(folder / "pose.txt", b, T)
+            U, pre, run = _surfaces.libigl(V, F, b, T, "arap", 1000)
+            energies, folds = {"libigl": _surfaces.energy(V, F, U, "arap")}, {"libigl": flipped(V, F, U)}
+            for guess in ("auto", "rest", "spread", "coarse"):
+                told = ours(a.programs, folder, "--start", guess, "-o", folder / "out.txt", *(["--iterations", "4000", "--tolerance", "1e-9"] if guess != "auto" else []))
+                energies[guess] = told["energies"][-1]
+                folds[guess] = flipped(V, F, np.loadtxt(folder / "out.txt"))
+                if guess == "auto":
+                    ours_s, steps = told["bind_s"] + told["deform_s"], told["iterations"]
+            best = min(energies, key=energies.get)
+            excess = {k: e / energies[best] - 1 for k, e in energies.items()}
+            good, near = good + (excess["auto"] <= 1e-4), near + (excess["auto"] <= 1e-2)
+            unfolded, fast = unfolded + (folds["auto"] <= folds[best]), fast + (ours_s <= 0.3 * (pre + run))
+            print(f"{name.split('/')[1].split('.')[0] + ' ' + kind + ' ' + str(degrees):30} {len(V):7} | {energies[best]:.5e} " +
+                  " ".join(f"{excess[k]:8.1e}" for k in ("libigl", "auto", "rest", "spread", "coarse")) +
+                  f" | {folds[best]:4} {folds['auto']:4} | {pre + run:7.2f} {ours_s:6.3f} {ours_s / (pre + run):5.2f} {steps}", flush=True)
+    print(f"within 1e-4: {good} of {2 * len(MINIMA)}; within 1 %: {near}; no more folds than the lowest: {unfolded}; at most .3 of libigl's time: {fast}")
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--programs", required=True)
@@ -188,6 +250,7 @@ def main():
     p.add_argument("--large", action="store_true")
     p.add_argument("--resolutions", action="store_true")
     p.add_argument("--scale", action="store_true")
+    p.add_argument("--minima", action="store_true")
     a = p.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -195,6 +258,8 @@ def main():
             return resolutions(a, folder)
         if a.scale:
             return scale(a, folder)
+        if a.minima:
+            return minima(a, folder)
         print("                       | precomputation, s     | per iteration, s        | to 1.01 E*: iterations and s")
         print("case           vertices | libigl    ours ratio | libigl     ours   ratio | libigl ours libigl    ours      | same")
         armadillo = json.loads((_surfaces.CASES / "armadillo.json").read_text())["sets"]

@@ -7,10 +7,18 @@ DQS is `dqs.cpp` of this folder, built with libigl's headers: its Python binding
 weights: its linear blend is a product of a matrix made once (`lbs_matrix`) with those of the pose; its dual quaternions run over
 all joints. Ours has four joints per vertex in compressed rows (double) or packed (single). Each round runs
 all in turn; reported are the best. Both give the same positions, which is checked.
+
+    skinning.py --weights --plumbline target/release/plumbline --media DIR
+
+prints CPU seconds of automatic weights of rigged and extracted skeletons (the whole command), and how far they jump: the greatest
+change of a row along an edge (half the sum of absolute differences), that of the edge in a thousand, and the greatest difference of a
+weight from the mean of its neighbors.
 """
 import argparse
+import json
 import os
 import pathlib
+import resource
 import subprocess
 import sys
 import tempfile
@@ -43,12 +51,54 @@ def dual(program, folder):
     return np.fromfile(files[-1], "<f8").reshape(-1, 3), seconds
 
 
+RIGS = [("rig/male_LR20.off", "rig/male.skel"), ("rig/armadillo_LR3.off", "rig/armadillo.skel"), ("hard/homer.off", None),
+        ("hard/cheburashka.off", None), ("igl/elephant.obj", None), ("common/horse.off", None)]
+
+
+def jumps(F, W):
+    """Greatest change along an edge, that of the edge in a thousand, greatest difference from the mean of the neighbors."""
+    E = np.unique(np.sort(np.concatenate([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]]), 1), axis=0)
+    steps = np.sort(np.abs(W[E[:, 0]] - W[E[:, 1]]).sum(1) / 2)
+    sums, degree = np.zeros_like(W), np.bincount(E.ravel(), minlength=len(W))
+    for i, j in [(0, 1), (1, 0)]:
+        np.add.at(sums, E[:, i], W[E[:, j]])
+    return steps[-1], steps[-1 - len(steps) // 1000], np.abs(W - sums / np.maximum(degree, 1)[:, None]).max()
+
+
+def automatic(plumbline, media, folder):
+    import _surfaces
+    cpu = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])  # noqa: E731
+    run = lambda *arguments: subprocess.run([plumbline, *map(str, arguments), "-y"], check=True, capture_output=True)  # noqa: E731
+    print("mesh                  vertices joints method     |  CPU s   greatest step   in 1000   from the mean")
+    for mesh, rig in RIGS:
+        mesh, rig = media / "mesh" / mesh, media / "mesh" / rig if rig else folder / "skeleton.json"
+        if not rig.exists() or rig.parent == folder:
+            run("skeleton", mesh, "-o", rig)
+        V, F = _surfaces.read_mesh(mesh)
+        for method in ("heat", "biharmonic"):
+            began = cpu()
+            run("skin", "weights", mesh, "--skeleton", rig, "--method", method, "-o", folder / "weights.json")
+            seconds = cpu() - began
+            told = json.loads((folder / "weights.json").read_text())
+            W = np.zeros((len(told["rows"]), len(told["joints"])))
+            for row, entries in zip(W, told["rows"]):
+                row[np.array(entries[::2], int)] = entries[1::2]
+            step, most, spike = jumps(F, W)
+            print(f"{mesh.stem:22} {len(V):7} {W.shape[1]:6} {method:10} | {seconds:6.2f} {step:15.3f} {most:9.3f} {spike:15.3f}", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("--programs", required=True)
-    parser.add_argument("--libigl", required=True)
+    parser.add_argument("--programs")
+    parser.add_argument("--libigl")
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--weights", action="store_true")
+    parser.add_argument("--plumbline")
+    parser.add_argument("--media", type=pathlib.Path)
     a = parser.parse_args()
+    if a.weights:
+        with tempfile.TemporaryDirectory() as folder:
+            return automatic(a.plumbline, a.media, pathlib.Path(folder))
     print("vertices joints method |  libigl   double  ratio   single  ratio   (million vertices per CPU second)")
     with tempfile.TemporaryDirectory() as folder:
         for vertices, joints in [(43_243, 20), (172_966, 20), (172_966, 40), (1_000_000, 20)]:

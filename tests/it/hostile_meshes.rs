@@ -187,9 +187,9 @@ fn squared_laplacians_of_a_hub_are_refused_with_another_method() {
         let options = WeightOptions { method, ..WeightOptions::default() };
         bone_weights(mesh, &skeleton, &options, &Run::default())
     };
-    let refused = weights(&hub, WeightMethod::BoundedBiharmonic).unwrap_err();
-    assert!(matches!(refused, CharacterError::TooDense { .. }) && refused.to_string().contains("heat"), "{refused}");
-    weights(&hub, WeightMethod::Heat).expect("no squares");
+    for method in [WeightMethod::Heat, WeightMethod::BoundedBiharmonic] {
+        weights(&hub, method).expect("no squares");
+    }
 }
 
 #[test]

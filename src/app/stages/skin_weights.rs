@@ -7,7 +7,7 @@ use super::values::Posed;
 use crate::pipeline::paths::to_path;
 use plumbline_shape::character::WeightsFile;
 use plumbline_shape::character::io::Rig;
-use plumbline_shape::character::weights::{WeightMethod, WeightOptions, WeightReport, bone_weights};
+use plumbline_shape::character::weights::{WeightOptions, WeightReport, bone_weights};
 
 /// Settings of `skin.weights`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -43,7 +43,7 @@ impl Stage for SkinWeightsSettings {
         let options = &self.options;
         context.job.check_cancel()?;
         let (weights, report) = bone_weights(&mesh, skeleton, options, &context.job.run())?;
-        warn(context, &report, options, |j| skeleton.joints()[j as usize].name.clone());
+        warn(context, &report, |j| skeleton.joints()[j as usize].name.clone());
         if let Some(surface) = &mut context.summary.surface {
             let joints = skeleton.joint_count();
             surface.weights = Some(format!("{joints} joints, {} at most for a vertex", weights.most_influences()));
@@ -58,7 +58,7 @@ impl Stage for SkinWeightsSettings {
 const MAX_LISTED: usize = 20;
 
 /// What the user should know.
-fn warn(context: &mut Context<'_, '_>, report: &WeightReport, options: &WeightOptions, name: impl Fn(u32) -> String) {
+fn warn(context: &mut Context<'_, '_>, report: &WeightReport, name: impl Fn(u32) -> String) {
     if report.by_distance {
         context.warn("no vertex sees a bone: weighted by distance; is the skeleton inside the mesh?".to_owned());
     }
@@ -73,9 +73,5 @@ fn warn(context: &mut Context<'_, '_>, report: &WeightReport, options: &WeightOp
         let more = report.unused_joints.len() - names.len();
         let more = if more > 0 { format!(" and {more} others") } else { String::new() };
         context.warn(format!("no vertex follows {}{more}", names.join(", ")));
-    }
-    if options.method == WeightMethod::BoundedBiharmonic && report.residual > 1e-3 {
-        context
-            .warn(format!("weights are exact to {:.0e} only after {} iterations", report.residual, report.iterations));
     }
 }

@@ -47,6 +47,26 @@ pub(super) struct Source {
 
 /// One row per welded vertex; empty if its component sees no bone.
 pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) -> Result<Vec<Row>, CharacterError> {
+    diffused(welded, bones, joints, Diffusion { rate: 1.0, steps: 1 }, run)
+}
+
+/// Repeated diffusion `w ← (L + M H)⁻¹ M H w` from `w = p`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Diffusion {
+    /// `c` in `H_ii = c/d(i)²`, dimensionless.
+    pub(super) rate: f64,
+    /// Number of diffusions, 1 or more.
+    pub(super) steps: usize,
+}
+
+/// One row per welded vertex; empty if its component sees no bone.
+pub(super) fn diffused(
+    welded: &Welded,
+    bones: &[Bone],
+    joints: usize,
+    diffusion: Diffusion,
+    run: &Run,
+) -> Result<Vec<Row>, CharacterError> {
     let sources = sources(welded, bones, run)?;
     let mut warm = vec![false; sources.len()];
     for (v, source) in sources.iter().enumerate() {
@@ -60,21 +80,24 @@ pub(super) fn rows(welded: &Welded, bones: &[Bone], joints: usize, run: &Run) ->
     if unknown.is_empty() {
         return Ok(rows);
     }
-    let (mut factor, flow) = factored(welded, &sources, &unknown, is_warm, run)
+    let (mut factor, flow) = factored(welded, &sources, &unknown, is_warm, diffusion.rate, run)
         .map_err(|error| CharacterError::of_system(error, "weight by distance"))?;
     let mut heated = vec![Vec::new(); joints];
     for (u, &v) in unknown.iter().enumerate() {
         for &b in &sources[v].bones {
-            heated[bones[b as usize].joint as usize].push((u, flow[u] / sources[v].bones.len() as f64));
+            heated[bones[b as usize].joint as usize].push((u, 1.0 / sources[v].bones.len() as f64));
         }
     }
     for (joint, heated) in heated.iter().enumerate().filter(|(_, h)| !h.is_empty()) {
         run.check()?;
         let mut temperature = vec![0.0; unknown.len()];
-        for &(u, heat) in heated {
-            temperature[u] += heat;
+        for &(u, nearest) in heated {
+            temperature[u] += nearest;
         }
-        factor.solve_scalar(&mut temperature);
+        for _ in 0..diffusion.steps {
+            temperature.iter_mut().zip(&flow).for_each(|(t, flow)| *t *= flow);
+            factor.solve_scalar(&mut temperature);
+        }
         for (&v, &w) in unknown.iter().zip(&temperature) {
             if w > MIN_TEMPERATURE {
                 rows[v].push((joint as u32, w));
@@ -90,6 +113,7 @@ fn factored(
     sources: &[Source],
     unknown: &[usize],
     is_warm: impl Fn(usize) -> bool,
+    rate: f64,
     run: &Run,
 ) -> Result<(FactoredLaplacian, Vec<f64>), SparseError> {
     let mesh = welded.mesh();
@@ -102,7 +126,7 @@ fn factored(
     let flow = unknown.iter().map(|&v| {
         // 1e-6 of the mean: vertices of slivers have hardly an area but must conduct their neighbors' heat.
         let area = areas[v].max(1e-6 * mean);
-        if sources[v].bones.is_empty() { 0.0 } else { area / sources[v].d2.max(least) }
+        if sources[v].bones.is_empty() { 0.0 } else { rate * area / sources[v].d2.max(least) }
     });
     let flow: Vec<f64> = flow.collect();
     // 1e-9: keeps a component connected even if all cotangents along a cut vanish.

@@ -224,42 +224,23 @@ fn mirroring_carries_weights_to_the_joints_of_the_other_side() {
 }
 
 #[test]
-fn bounded_weights_converge_and_are_smoother_than_heat_at_the_same_bounds() {
+fn biharmonic_weights_are_bounded_without_constraints_and_smoother_than_heat() {
     let (mesh, skeleton) = limb();
     let all = |method| WeightOptions { influences: 8, min_weight: 0.0, ..options(method) };
-    let (bounded, report) =
-        bone_weights(&mesh, &skeleton, &all(WeightMethod::BoundedBiharmonic), &Run::default()).expect("found");
-    assert!(report.residual < 1e-4 && report.iterations < 400, "{report:?}");
-    assert!(bounded.rows().flatten().all(|i| i.weight >= 0.0 && i.weight <= 1.0));
+    let along = |method| -> Vec<f64> {
+        let (weights, _) = bone_weights(&mesh, &skeleton, &all(method), &Run::default()).expect("found");
+        assert!(weights.rows().flatten().all(|i| i.weight >= 0.0 && i.weight <= 1.0));
+        (0..mesh.vertex_count()).step_by(24).map(|v| weights.weight(v, 0)).collect()
+    };
+    let (heat, biharmonic) = (along(WeightMethod::Heat), along(WeightMethod::BoundedBiharmonic));
     // No dip: along the tube the first joint's weight falls from 1 to 0 and never rises.
-    let along: Vec<f64> = (0..mesh.vertex_count()).step_by(24).map(|v| bounded.weight(v, 0)).collect();
-    assert!(along.windows(2).all(|w| w[1] <= w[0] + 1e-3), "{along:?}");
-}
-
-#[test]
-fn bounded_weights_of_bones_far_shorter_than_the_model_converge_too() {
-    let (mesh, _, _) = tube(3, 8, 600);
-    let thin = mesh.positions().iter().map(|p| Point3::new(p.x, 0.02 * p.y, 0.02 * p.z)).collect();
-    let joints: Vec<[f64; 3]> = (0..90).map(|k| [0.1 * f64::from(k), 0.0, 0.0]).collect();
-    let all = WeightOptions { influences: 8, min_weight: 0.0, ..options(WeightMethod::BoundedBiharmonic) };
-    let (_, report) = bone_weights(&mesh.with_positions(thin).expect("finite"), &chain(&joints), &all, &Run::default())
-        .expect("found");
-    assert!(report.residual < 1e-4, "{report:?}");
-}
-
-#[test]
-fn the_simplex_projection_is_the_nearest_point() {
-    for (point, nearest) in [
-        ([0.2, 0.3, 0.5], [0.2, 0.3, 0.5]),
-        ([2.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
-        ([0.6, 0.6, -1.0], [0.5, 0.5, 0.0]),
-        ([0.0; 3], [1.0 / 3.0; 3]),
-    ] {
-        let level = biharmonic::onto_simplex(&point);
-        for (p, n) in point.iter().zip(nearest) {
-            assert!(((p - level).max(0.0) - n).abs() < 1e-15);
-        }
-    }
+    assert!(biharmonic.windows(2).all(|w| w[1] <= w[0] + 1e-9), "{biharmonic:?}");
+    // The jump of heat's second derivative at the joint is gone, and the blend is as wide.
+    let third = |w: &[f64]| w.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).fold(0.0, f64::max);
+    assert!(third(&biharmonic) < 0.5 * third(&heat), "{} {}", third(&biharmonic), third(&heat));
+    let blended = |w: &[f64]| w.iter().map(|w| w * (1.0 - w)).sum::<f64>();
+    let ratio = blended(&biharmonic) / blended(&heat);
+    assert!((0.8..1.25).contains(&ratio), "{ratio}");
 }
 
 #[test]
