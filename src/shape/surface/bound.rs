@@ -47,6 +47,11 @@ impl Bound {
         Lanes::point((p.coords - self.center).into())
     }
 
+    /// A position relative to the center, in mesh coordinates.
+    pub(super) fn uncentered(&self, p: Vector3<f64>) -> Point3<f64> {
+        Point3::from(p + self.center)
+    }
+
     /// The checked targets of a pose.
     pub(super) fn targets(&self, pose: &HandlePose) -> Result<Vec<Lanes>, SurfaceError> {
         pose.check(&self.unknowns.handles)?;

@@ -141,7 +141,8 @@ pub enum InitialGuess<'a> {
     Auto,
     /// The prolonged solution of coarser levels of the mesh.
     ///
-    /// The levels are built at first use. Same as [`Self::Spread`] for small meshes and for methods with a single solve.
+    /// The levels are built at first use. Where handles rotate by more than 45 degrees against one another, several minima are followed
+    /// and the lowest is taken. Otherwise the same as [`Self::Spread`] for small meshes, and always for methods with a single solve.
     Coarse,
     /// Handle rotations interpolated harmonically, then one global step.
     Spread,
@@ -182,6 +183,16 @@ pub(super) trait DeformSolver: Send + std::fmt::Debug {
 
     /// Solves; the convergence criterion is in its range.
     fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError>;
+
+    /// Largest rotation of a handle against another of its component, in radians; 0 for methods that do not estimate it.
+    fn largest_rotation(&self, _pose: &HandlePose) -> Result<f64, SurfaceError> {
+        Ok(0.0)
+    }
+
+    /// The pose at a fraction of the way from rest, along screw motions.
+    fn partway(&self, pose: &HandlePose, _fraction: f64) -> Result<HandlePose, SurfaceError> {
+        Ok(pose.clone())
+    }
 
     /// As [`Deformer::deform`].
     fn deform(

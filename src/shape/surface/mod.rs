@@ -28,6 +28,7 @@ mod report;
 mod rotation_fit;
 mod similarity;
 mod spread;
+mod suitability;
 #[cfg(test)]
 mod test_meshes;
 #[cfg(test)]
@@ -47,3 +48,4 @@ pub use modal::{Modes, ModesOptions, PartCount, Parts, PartsOptions, modes, part
 pub use plumbline_num::energy::Convergence;
 pub use primo::{PrimoOptions, ShellMaterial};
 pub use report::{DeformReport, Distortion, DistortionMetrics, Stop};
+pub use suitability::Unsuitable;

@@ -70,6 +70,52 @@ impl Patches {
         }
     }
 
+    /// Largest rotation of a handle against the reference of its component, in radians.
+    pub(super) fn largest_rotation(&self, bound: &Bound, pose: &HandlePose, targets: &[Lanes]) -> f64 {
+        let fitted;
+        let rotations = match pose.rotations() {
+            Some(given) => given,
+            None => {
+                fitted = self.fitted(bound, targets);
+                &fitted
+            }
+        };
+        let reference = self.references(bound, rotations);
+        let angle = |(k, r): (usize, &UnitQuaternion<f64>)| {
+            relative(&reference[self.component[self.patch[k]] as usize], r).norm()
+        };
+        rotations.iter().enumerate().map(angle).fold(0.0, f64::max)
+    }
+
+    /// The pose at a fraction of the way from rest: each patch along the screw motion of its fitted rotation and its centroid, with the
+    /// same fraction of what its targets differ from that motion.
+    pub(super) fn partway(&self, bound: &Bound, pose: &HandlePose, targets: &[Lanes], fraction: f64) -> HandlePose {
+        if fraction == 1.0 {
+            return pose.clone();
+        }
+        let vertices = bound.unknowns.handles.vertices();
+        let rest = |k: usize| Vector3::from(bound.rest[vertices[k] as usize].xyz());
+        let target = |k: usize| Vector3::from(targets[k].xyz());
+        let mut centroids = vec![(Vector3::zeros(), Vector3::zeros()); self.size.len()];
+        for (k, &patch) in self.patch.iter().enumerate() {
+            let (from, to) = &mut centroids[patch];
+            *from += rest(k) / self.size[patch] as f64;
+            *to += target(k) / self.size[patch] as f64;
+        }
+        let rotations = self.fitted(bound, targets);
+        let position = |k: usize| {
+            let (from, to) = centroids[self.patch[k]];
+            let motion = Screw::new(&rotations[k], from, to);
+            motion.moved(rest(k), fraction) + fraction * (target(k) - motion.moved(rest(k), 1.0))
+        };
+        let positions = (0..vertices.len()).map(|k| bound.uncentered(position(k))).collect();
+        let partway = HandlePose::new(positions);
+        match pose.rotations() {
+            Some(given) => partway.with_rotations(given.iter().map(|r| r.powf(fraction)).collect()),
+            None => partway,
+        }
+    }
+
     /// Rotation of each handle: that of its patch, fitted to the targets.
     fn fitted(&self, bound: &Bound, targets: &[Lanes]) -> Vec<UnitQuaternion<f64>> {
         let component_of = |k: usize| self.component[self.patch[k]] as usize;
@@ -125,6 +171,40 @@ impl Patches {
             }
         }
         reference
+    }
+}
+
+/// Angle below which a screw motion is a translation, in radians: its axis is far away.
+const MIN_SCREW_ANGLE: f64 = 1e-6;
+
+/// A screw motion: a rotation about an axis with a translation along it (Chasles).
+struct Screw {
+    /// Axis times angle.
+    log: Vector3<f64>,
+    /// A point on the axis.
+    center: Vector3<f64>,
+    translation: Vector3<f64>,
+}
+
+impl Screw {
+    /// The motion of a rotation that moves a point `from` to `to`.
+    fn new(rotation: &UnitQuaternion<f64>, from: Vector3<f64>, to: Vector3<f64>) -> Self {
+        let (log, shift) = (rotation.scaled_axis(), to - from);
+        let angle = log.norm();
+        if angle < MIN_SCREW_ANGLE {
+            return Self { log, center: from, translation: shift };
+        }
+        let axis = log / angle;
+        let translation = axis * axis.dot(&shift);
+        let across = shift - translation;
+        let center = from + 0.5 * (across + axis.cross(&across) / (0.5 * angle).tan());
+        Self { log, center, translation }
+    }
+
+    /// Position of a point after a fraction of the motion.
+    fn moved(&self, p: Vector3<f64>, fraction: f64) -> Vector3<f64> {
+        let rotation = UnitQuaternion::from_scaled_axis(fraction * self.log);
+        self.center + rotation * (p - self.center) + fraction * self.translation
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
 use crate::stages::mesh_deform::{MeshDeformSettings, Solved};
-use plumbline_shape::surface::{DeformReport, SolvableMesh};
+use plumbline_shape::surface::{DeformReport, SolvableMesh, Unsuitable};
 
 /// Reports the repair and of the last pose, and warns of what went wrong in any.
 pub(crate) fn report_deformation(
@@ -39,12 +39,10 @@ pub(crate) fn report_deformation(
             "{which} had not converged after {most} iterations; --iterations allows more (`iterations`)"
         ));
     }
-    // An energy that is unbounded below.
-    if report.negative_weights > 0 && report.energies.last().is_some_and(|e| *e < 0.0) {
-        let count = report.negative_weights;
-        context.warn(format!(
-            "the energy is negative, since {count} edges have negative weights: take the method arap, or --cotangents clamped"
-        ));
+    // A method that does not suit the surface or the deformation: of the poses, the first for which that shows.
+    let unsuitable = |s: &Solved| Unsuitable::of(settings.method, &settings.options, &s.report);
+    if let Some(unsuitable) = solved.iter().find_map(unsuitable) {
+        context.warn(unsuitable.to_string());
     }
 }
 

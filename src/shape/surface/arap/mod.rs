@@ -40,7 +40,7 @@ use super::bound::{Bound, Guess};
 use super::deformer::{DeformOptions, DeformSolver, Deformation, Method, Request, Solver};
 use super::lanes::Lanes;
 use super::spread::Patches;
-use super::{Handles, Stop, SurfaceError};
+use super::{HandlePose, Handles, Stop, SurfaceError};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::Cotangents;
 use plumbline_num::options::OptionError;
@@ -146,6 +146,16 @@ impl DeformSolver for Arap {
             (_, CellKind::SpokesAndRims) => Method::Arap,
             (_, CellKind::Elements) => Method::ArapElements,
         }
+    }
+
+    fn largest_rotation(&self, pose: &HandlePose) -> Result<f64, SurfaceError> {
+        let targets = self.bound.targets(pose)?;
+        Ok(self.patches.largest_rotation(&self.bound, pose, &targets))
+    }
+
+    fn partway(&self, pose: &HandlePose, fraction: f64) -> Result<HandlePose, SurfaceError> {
+        let targets = self.bound.targets(pose)?;
+        Ok(self.patches.partway(&self.bound, pose, &targets, fraction))
     }
 
     fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError> {

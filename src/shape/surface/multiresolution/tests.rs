@@ -127,7 +127,7 @@ fn a_first_drag_uses_coarse_levels_and_the_next_the_last_result() {
 
 #[test]
 fn small_and_degenerate_surfaces_are_supported() {
-    let small = bent(12, 8, 0.8, Constraint::Hard);
+    let small = bent(12, 8, 0.7, Constraint::Hard);
     let [spread, coarse] = [InitialGuess::Spread, InitialGuess::Coarse]
         .map(|start| run((Method::Arap, &DeformOptions::default()), &small, start, 99, 1e-9));
     assert_eq!(spread.positions, coarse.positions, "no vertex is too many");
@@ -149,4 +149,39 @@ fn small_and_degenerate_surfaces_are_supported() {
             assert!((x - p).norm() < 1e-12, "{method:?}");
         }
     }
+}
+
+#[test]
+fn the_default_guess_ends_in_the_lowest_minimum_of_a_large_twist() {
+    let mesh = tube(40, 24);
+    let ends = (0..mesh.vertex_count() as u32).filter(|&v| !(0.15..1.85).contains(&mesh.positions()[v as usize].x));
+    let handles = Handles::exact(ends).unwrap();
+    for angle in [1.2, 2.0, 2.9] {
+        let twist = Isometry3::new(Vector3::zeros(), angle * Vector3::x());
+        let target = |&v: &u32| {
+            let p = mesh.positions()[v as usize];
+            if p.x < 1.0 { p } else { twist * p }
+        };
+        let pose = HandlePose::new(handles.vertices().iter().map(target).collect());
+        let case = (mesh.clone(), handles.clone(), pose);
+        let energy = |guess| last(&run((Method::Arap, &DeformOptions::default()), &case, guess, 1000, 1e-7));
+        let lowest = energy(InitialGuess::Rest).min(energy(InitialGuess::Spread));
+        assert!(energy(InitialGuess::Auto) <= 1.001 * lowest, "{angle}");
+    }
+}
+
+#[test]
+fn the_way_of_a_screw_motion_is_covered_in_proportion() {
+    let (mesh, handles, _) = bent(20, 12, 0.0, Constraint::Hard);
+    let deformer = single_level(Method::Arap, &mesh, &handles, &DeformOptions::default(), &Run::default()).unwrap();
+    let motion = |fraction: f64| Isometry3::new(fraction * Vector3::new(0.3, 0.0, 0.0), 2.0 * fraction * Vector3::x());
+    let moved = |fraction: f64| {
+        let target = |&v: &u32| motion(fraction) * mesh.positions()[v as usize];
+        HandlePose::new(handles.vertices().iter().map(target).collect())
+    };
+    let (half, expected) = (deformer.partway(&moved(1.0), 0.5).unwrap(), moved(0.5));
+    for (p, q) in half.positions().iter().zip(expected.positions()) {
+        assert!((p - q).norm() < 1e-9, "{p} {q}");
+    }
+    assert!(deformer.largest_rotation(&moved(1.0)).unwrap() < 1e-6, "no handle rotates against another");
 }
