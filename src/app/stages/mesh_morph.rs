@@ -97,6 +97,7 @@ impl Stage for MorphSettings {
                     untangled.positions
                 }
             };
+            trajectory.check_extent(time, &x)?;
             let linear = trajectory.linear(time);
             shapes.add(Some(time), time, &x, &linear, &context.job.run())?;
         }

@@ -83,6 +83,17 @@ pub enum MorphError {
         /// The remedy.
         advice: &'static str,
     },
+    /// Input: a correspondence so folded that the shapes between the meshes burst.
+    #[error(
+        "check of the bounding box: at time {time:.2} the shape is outside the box of both meshes by {excess:.2} of its diagonal \
+         (at most 0.2): the first mesh is folded over the second; give more landmarks, or another correspondence (--over)"
+    )]
+    OutsideBox {
+        /// Time of the shape, 0 to 1.
+        time: f64,
+        /// Distance outside the box, over its diagonal.
+        excess: f64,
+    },
     /// Input: a surface on which closest points cost too much.
     #[error(
         "closest points on the {which} mesh take more than {most} tests of triangles: its triangles lie along one another; \

@@ -105,7 +105,12 @@ impl Screw {
 
     /// The inverse motion of a point from time 1 to 0.
     pub(super) fn inverse(&self, point: &Point3<f64>) -> Point3<f64> {
-        self.from + self.rotation(1.0).inverse() * (point - (self.from + self.displacement))
+        self.inverse_at(1.0, point)
+    }
+
+    /// The inverse motion of a point from a time to 0.
+    pub(super) fn inverse_at(&self, time: f64, point: &Point3<f64>) -> Point3<f64> {
+        self.from + self.rotation(time).inverse() * (point - (self.from + self.displacement_at(time)))
     }
 
     /// The displacement of `from` at a time. Across the axis, `(e^{isθ} − 1)/(e^{iθ} − 1) = e^{i(s−1)θ/2} sin(sθ/2)/sin(θ/2)`.

@@ -55,6 +55,11 @@ impl Pair {
             surface.repairs = solvable.report.changes().collect();
         }
         match landmarks {
+            None if first.model.has_faces_of(&second.model) => {
+                // How polygons are cut into triangles depends on the pose: both are cut as the first one.
+                let b = a.with_positions(b.positions().to_vec()).map_err(|e| not_finite(&e))?;
+                Self::same(first.model, &a, &b, solvable)
+            }
             None => Self::same(first.model, &a, &b, solvable),
             Some(path) => {
                 let pairs = Landmarks::read(&to_path(path)).and_then(|l| l.vertices(&a, &b)).map_err(of_file(path))?;

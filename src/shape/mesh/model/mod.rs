@@ -117,6 +117,12 @@ impl Model {
         &self.faces
     }
 
+    /// Whether another model has as many vertices and the same polygons: both are poses of one mesh, although their polygons may be cut
+    /// into other triangles.
+    pub fn has_faces_of(&self, other: &Self) -> bool {
+        self.mesh.vertex_count() == other.mesh.vertex_count() && self.faces == other.faces
+    }
+
     /// Index of the polygon of each triangle.
     pub fn face_of_triangle(&self) -> &[u32] {
         &self.face_of_triangle

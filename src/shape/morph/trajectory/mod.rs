@@ -72,6 +72,9 @@ impl Default for TrajectoryOptions {
     }
 }
 
+/// Distance outside the bounding box of both poses, over its diagonal, that a shape between them may have.
+const MAX_EXCESS: f64 = 0.2;
+
 /// The interpolation between two poses.
 #[derive(Debug)]
 pub struct Trajectory {
@@ -190,6 +193,27 @@ impl Trajectory {
     /// Linear interpolation of the positions, for comparison.
     pub fn linear(&self, time: f64) -> Vec<Point3<f64>> {
         self.first.iter().zip(&self.second).map(|(a, b)| a + (b - a) * time).collect()
+    }
+
+    /// Checks that positions at a time stay near both poses: inside their bounding box, grown on each side by [`MAX_EXCESS`] of its
+    /// diagonal, in the frame that moves with the global motion. An elastic interpolation leaves it where the correspondence folds the
+    /// surface: the rotations of neighboring triangles are then unrelated.
+    ///
+    /// # Errors
+    /// [`MorphError::OutsideBox`].
+    pub fn check_extent(&self, time: f64, x: &[Point3<f64>]) -> Result<(), MorphError> {
+        let ends = self.first.iter().chain(&self.aligned);
+        let Some((low, high)) = ends.fold(None, |bounds: Option<(Point3<f64>, Point3<f64>)>, p| {
+            Some(bounds.map_or((*p, *p), |(low, high)| (low.inf(p), high.sup(p))))
+        }) else {
+            return Ok(());
+        };
+        let outside = |p: &Point3<f64>| {
+            let p = self.motion.inverse_at(time, p);
+            (low - p).sup(&(p - high)).max()
+        };
+        let excess = x.iter().map(outside).fold(0.0, f64::max) / (high - low).norm();
+        if excess <= MAX_EXCESS { Ok(()) } else { Err(MorphError::OutsideBox { time, excess }) }
     }
 
     /// The global rotation between the poses as a rotation vector, rad.

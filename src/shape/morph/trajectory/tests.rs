@@ -223,3 +223,16 @@ fn iterations_keep_the_centroid_and_the_global_rotation() {
         assert!(turn.angle() < 1e-7, "{}", turn.angle());
     }
 }
+
+#[test]
+fn shapes_that_leave_the_box_of_both_poses_are_refused_by_name_and_rotations_are_not() {
+    let bar = crate::mesh::shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
+    let turned = bar.positions().iter().map(|p| Point3::new(-p.x + 7.0, p.y, -p.z)).collect();
+    let turned = bar.with_positions(turned).expect("finite");
+    let mut trajectory = Trajectory::new(&bar, &turned, &TrajectoryOptions::default(), &Run::default()).expect("poses");
+    let mut middle = trajectory.at(0.5, &Run::default()).expect("not stopped");
+    trajectory.check_extent(0.5, &middle).expect("a half turn sweeps outside both boxes, but not in the moving frame");
+    middle[0] += Vector3::new(0.0, 20.0, 0.0);
+    let refused = trajectory.check_extent(0.5, &middle).expect_err("burst").to_string();
+    assert!(refused.contains("check of the bounding box") && refused.contains("landmarks"), "{refused}");
+}
