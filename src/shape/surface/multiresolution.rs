@@ -11,9 +11,10 @@
 //! The coarse levels give the initial guess only; the result is the minimum of the fine energy.
 //!
 //! The energy has several minima where handles rotate far against one another. The coarsest level is then solved from three initial
-//! guesses: interpolated handle rotations, rest, and the motion of the handles in steps. Minima that are distinct and not much higher than
-//! the lowest are prolonged and solved again on each level; the lowest is the initial guess of the fine surface. Of twenty bends and twists
-//! by 60 to 170 degrees the first guess alone misses the lowest minimum on four, by 2.6 to 37 %.
+//! guesses: interpolated handle rotations, rest, and the motion of the handles in steps. Minima that are distinct and not much higher
+//! than the lowest are prolonged and solved again on each level, up to the finest of at most [`MAX_TRIAL_VERTICES`]; the lowest there is
+//! the initial guess of the next level. Of twenty bends and twists by 60 to 170 degrees the first guess alone misses the lowest minimum
+//! on four, by 2.6 to 37 %.
 //!
 //! # Reference
 //! J. Manson, S. Schaefer, *Hierarchical deformation of locally rigid meshes*, Computer Graphics Forum 30 (2011).
@@ -34,8 +35,8 @@ use plumbline_num::run::{Run, Stopped};
 const MIN_VERTICES: usize = 500;
 /// Convergence of a coarse level: prolongation adds an error larger than this tolerance.
 const COARSE_CONVERGENCE: Convergence = Convergence { max_iterations: 100, tolerance: 1e-3 };
-/// Vertices of the finest level on which the minimum from rest is tried again: folds of the fine surface have no counterpart on the
-/// coarsest. A trial takes as long as the deformation of a surface of that size, .3 s.
+/// Vertices of the finest level on which the lowest minimum is chosen, so that finer ones are solved once. The minimum from rest is tried
+/// again there: folds of the fine surface have no counterpart on the coarsest. A trial takes as long as a deformation of that size, .3 s.
 const MAX_TRIAL_VERTICES: usize = 16_384;
 /// Convergence of that trial. From rest a minimum may be left by a slow descent of a few tenths of a percent per iteration.
 const TRIAL_CONVERGENCE: Convergence = Convergence { max_iterations: 500, tolerance: 1e-5 };
@@ -179,13 +180,13 @@ impl Coarse {
         several: bool,
         run: &Run,
     ) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
-        let several = several && fine.largest_rotation(pose)? > MAX_SINGLE_ANGLE;
         let trial = (0..=self.levels.len()).find(|&l| self.hierarchy.vertices(l).len() <= MAX_TRIAL_VERTICES);
+        let several = several && trial.is_some() && fine.largest_rotation(pose)? > MAX_SINGLE_ANGLE;
         let mut guesses: Option<Vec<Vec<Point3<f64>>>> = None;
         for level in (0..=self.levels.len()).rev() {
             let tries_rest = several && Some(level) == trial;
             // Nothing is left to choose: the fine surface is solved once, by the caller.
-            if level == 0 && !tries_rest && guesses.as_ref().map_or(!several, |g| g.len() == 1) {
+            if level == 0 && !tries_rest && (guesses.is_some() || !several) {
                 break;
             }
             let (solver, pose): (&mut dyn DeformSolver, _) = match level.checked_sub(1) {
@@ -207,7 +208,10 @@ impl Coarse {
             if tries_rest {
                 minima.push(Minimum::from(solver, &pose, InitialGuess::Rest, convergence, run)?);
             }
-            let minima = distinct(minima, self.hierarchy.mesh(level).diagonal());
+            let mut minima = distinct(minima, self.hierarchy.mesh(level).diagonal());
+            if tries_rest {
+                minima.truncate(1);
+            }
             let prolonged = |minimum: Minimum| match level.checked_sub(1) {
                 None => minimum.positions,
                 Some(finer) => {

@@ -363,6 +363,9 @@ fn judge(a: &GeneralMatrix, b: &[f64], x: &[f64], given: bool) -> Json {
     judged
 }
 
+/// Digits of a solution below which the report warns: rounding of the input to single precision would show.
+const MIN_DIGITS: f64 = 6.0;
+
 /// The report for people.
 fn words(report: &Json) -> String {
     let matrix = &report["matrix"];
@@ -380,6 +383,15 @@ fn words(report: &Json) -> String {
     let _ = writeln!(text, "method     {} ({} steps)", report["method"].as_str().unwrap_or_default(), report["steps"]);
     if let Some(condition) = report["condition"].as_f64() {
         let _ = writeln!(text, "condition  about {condition:.1e} (1-norm)");
+        let digits = -(condition * f64::EPSILON).log10();
+        if !(digits >= MIN_DIGITS) {
+            let _ = writeln!(
+                text,
+                "warning    the condition leaves about {:.0} digits of the solution: scale the unknowns, or if the matrix is a product \
+                 AᵀA, solve A itself with --method qr",
+                digits.max(0.0)
+            );
+        }
     }
     for solution in report["solutions"].as_array().into_iter().flatten() {
         let parts = [("residual", ""), ("backward_error", "backward error "), ("slope", "slope "), ("error", "error ")];
