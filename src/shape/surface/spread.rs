@@ -73,12 +73,11 @@ impl Patches {
     /// Largest rotation of a handle against the reference of its component, in radians.
     pub(super) fn largest_rotation(&self, bound: &Bound, pose: &HandlePose, targets: &[Lanes]) -> f64 {
         let fitted;
-        let rotations = match pose.rotations() {
-            Some(given) => given,
-            None => {
-                fitted = self.fitted(bound, targets);
-                &fitted
-            }
+        let rotations = if let Some(given) = pose.rotations() {
+            given
+        } else {
+            fitted = self.fitted(bound, targets);
+            &fitted
         };
         let reference = self.references(bound, rotations);
         let angle = |(k, r): (usize, &UnitQuaternion<f64>)| {
