@@ -1,12 +1,13 @@
 // CGAL's mean-curvature-flow skeleton, and a judge of curves that knows nothing of how they were made.
 //
 //   skeleton cgal MESH.off CURVE.txt     extract with CGAL's defaults; prints CPU seconds
-//   skeleton judge MESH.off CURVE.txt    prints inside, centredness, visibility, ends, branches, loops as JSON
+//   skeleton judge MESH.off CURVE.txt [OTHER.txt]    prints inside, centredness, visibility, turning, ends, branches, loops as JSON
 //
 // A curve is lines `v X Y Z` and `e I J`, numbered from 0. It is resampled at 0.5 % of the diagonal of the mesh's box.
 // inside: share of samples inside the surface (parity along three directions, the majority counts). centredness:
 // min(r1, r2) / max(r1, r2), r1 the distance to the surface, r2 that to where the ray away from the nearest point leaves it.
-// visible: share of vertices from which the nearest sample is seen.
+// visible: share of vertices from which the nearest sample is seen. turning: sum of the angles between consecutive chords of every
+// branch, resampled at the same step, over the length of the curve in diagonals. far: Hausdorff distance to the other curve, in diagonals.
 //
 // Build: g++ -O3 -march=native -DNDEBUG -I/usr/include/eigen3 skeleton.cpp -lgmp -lmpfr -o skeleton
 #include <CGAL/AABB_face_graph_triangle_primitive.h>
@@ -128,6 +129,56 @@ static std::vector<Point> resample(const Curve& curve, double step) {
     return samples;
 }
 
+// Angles between consecutive chords of all branches between ends and junctions, and of loops without either, in radians.
+static double turning(const Curve& curve, double step) {
+    std::vector<std::vector<int>> around(curve.nodes.size());
+    for (size_t e = 0; e < curve.edges.size(); e++) for (int v : curve.edges[e]) around[v].push_back(int(e));
+    std::vector<char> used(curve.edges.size());
+    double sum = 0;
+    auto follow = [&](int v, int e) {
+        std::vector<Point> row{curve.nodes[v]};
+        while (!used[e]) {
+            used[e] = 1;
+            v = curve.edges[e][0] == v ? curve.edges[e][1] : curve.edges[e][0];
+            row.push_back(curve.nodes[v]);
+            if (around[v].size() != 2) break;
+            e = around[v][0] == e ? around[v][1] : around[v][0];
+        }
+        double length = 0;
+        for (size_t i = 1; i < row.size(); i++) length += std::sqrt(CGAL::squared_distance(row[i - 1], row[i]));
+        int parts = std::max(1, int(std::round(length / step)));
+        std::vector<Point> even{row[0]};
+        double walked = 0;
+        for (size_t i = 1; i < row.size(); i++) {
+            double span = std::sqrt(CGAL::squared_distance(row[i - 1], row[i]));
+            while (int(even.size()) < parts && even.size() * length / parts <= walked + span)
+                even.push_back(row[i - 1] + (row[i] - row[i - 1]) * ((even.size() * length / parts - walked) / span));
+            walked += span;
+        }
+        even.push_back(row.back());
+        for (size_t i = 2; i < even.size(); i++) {
+            Vector a = even[i - 1] - even[i - 2], b = even[i] - even[i - 1];
+            sum += std::atan2(std::sqrt(CGAL::cross_product(a, b).squared_length()), a * b);
+        }
+    };
+    for (bool knots : {true, false})
+        for (size_t v = 0; v < around.size(); v++)
+            if ((around[v].size() != 2) == knots)
+                for (int e : around[v]) if (!used[e]) follow(int(v), e);
+    return sum;
+}
+
+static double hausdorff(const std::vector<Point>& a, const std::vector<Point>& b) {
+    double farthest = 0;
+    for (auto [one, other] : {std::pair(&a, &b), std::pair(&b, &a)})
+        for (auto& p : *one) {
+            double nearest = INFINITY;
+            for (auto& q : *other) nearest = std::min(nearest, CGAL::squared_distance(p, q));
+            farthest = std::max(farthest, nearest);
+        }
+    return std::sqrt(farthest);
+}
+
 static bool inside(const Tree& tree, const Point& p) {
     const Vector directions[3] = {{0.9123, 0.3071, 0.2711}, {-0.1931, 0.8317, -0.5205}, {0.4409, -0.5127, 0.7368}};
     int odd = 0;
@@ -149,12 +200,14 @@ static double centredness(const Tree& tree, const Point& c) {
     return std::min(r1, r2) / std::max(r1, r2);
 }
 
-static int judge(const char* mesh_file, const char* curve_file) {
+static int judge(const char* mesh_file, const char* curve_file, const char* other_file) {
     Soup soup = read_soup(mesh_file);
     Curve curve = read_curve(curve_file);
     Tree tree(soup.triangles.cbegin(), soup.triangles.cend());
     tree.accelerate_distance_queries();
     std::vector<Point> samples = resample(curve, 0.005 * soup.diagonal);
+    double far = other_file ? hausdorff(samples, resample(read_curve(other_file), 0.005 * soup.diagonal)) / soup.diagonal : -1;
+    double turned = turning(curve, 0.005 * soup.diagonal);
     double in = 0;
     std::vector<double> central;
     for (auto& p : samples) {
@@ -198,16 +251,17 @@ static int judge(const char* mesh_file, const char* curve_file) {
     std::sort(central.begin(), central.end());
     double p10 = central.empty() ? 0 : central[central.size() / 10];
     std::printf("{\"nodes\": %zu, \"ends\": %d, \"branches\": %d, \"loops\": %d, \"components\": %d, \"length\": %.6g, "
-                "\"inside\": %.4f, \"central\": %.4f, \"p10\": %.4f, \"visible\": %.4f}\n",
+                "\"inside\": %.4f, \"central\": %.4f, \"p10\": %.4f, \"visible\": %.4f, \"turning\": %.4f, \"far\": %.4f}\n",
                 curve.nodes.size(), int(std::count(degree.begin(), degree.end(), 1)),
                 int(std::count_if(degree.begin(), degree.end(), [](int d) { return d > 2; })), loops, components,
-                length / soup.diagonal, in / std::max<size_t>(samples.size(), 1), mean, p10, double(seen) / all);
+                length / soup.diagonal, in / std::max<size_t>(samples.size(), 1), mean, p10, double(seen) / all,
+                turned * soup.diagonal / std::max(length, 1e-300), far);
     return 0;
 }
 
 int main(int argc, char** argv) {
     if (argc == 4 && std::string(argv[1]) == "cgal") return extract(argv[2], argv[3]);
-    if (argc == 4 && std::string(argv[1]) == "judge") return judge(argv[2], argv[3]);
-    std::fputs("usage: skeleton cgal|judge MESH.off CURVE.txt\n", stderr);
+    if ((argc == 4 || argc == 5) && std::string(argv[1]) == "judge") return judge(argv[2], argv[3], argc == 5 ? argv[4] : nullptr);
+    std::fputs("usage: skeleton cgal|judge MESH.off CURVE.txt [OTHER.txt]\n", stderr);
     return 2;
 }
