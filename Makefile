@@ -2,7 +2,7 @@
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
 .DEFAULT_GOAL := help
-.PHONY: help demo studio studio-page studio-test test test-long deny memcheck soak bench media gallery deps deps-build lint unit oracle engine page-if-possible
+.PHONY: help demo studio studio-page studio-test test test-long deny memcheck miri soak bench media gallery deps deps-build lint unit oracle engine page-if-possible
 
 CLIP ?= media/street-walk.mp4
 
@@ -53,7 +53,7 @@ test: deps page-if-possible lint unit studio-test oracle engine ## formatting, l
 # Members without FFmpeg and clap; each is built alone, so that none leans on a feature that another turns on.
 PURE := num image camera photo video shape testkit
 
-test-long: test deny memcheck soak ## what takes longer: random cases by the thousand, kills, faults, soaks, valgrind, licenses, each library alone
+test-long: test deny memcheck miri soak ## what takes longer: random cases by the thousand, kills, faults, soaks, valgrind, Miri, licenses, each library alone
 	PROPTEST_CASES=1024 cargo test --workspace --locked
 	PLUMBLINE_CASES=300 cargo test --workspace --locked --test it kills
 	PLUMBLINE_CASES=200 cargo test --workspace --locked --test it faults
@@ -72,6 +72,15 @@ memcheck: deps
 	@.ci/deps long
 	CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="valgrind --quiet --error-exitcode=9" \
 		cargo test --workspace --locked --lib av::
+
+# Loads and stores by pointer under Miri, with the instruction sets that it knows; other tests of unsafe code take it hours.
+miri:
+	rustup component add miri rust-src --toolchain nightly
+	for tests in "video track::window::" "shape skinning::packed::tests::motions" "num sparse::wide_registers"; do \
+		set -- $$tests; \
+		MIRIFLAGS=-Zmiri-disable-isolation RUSTFLAGS="-Ctarget-feature=+avx2,+fma" \
+			cargo +nightly miri test --target-dir target/miri --locked --package plumbline-$$1 --lib $$2 || exit 1; \
+	done
 
 soak: deps
 	cargo build --release --locked
