@@ -231,3 +231,30 @@ fn same_shape(model: &Model, name: &str) {
         }
     }
 }
+
+#[test]
+fn meshes_are_written_in_other_units_and_with_another_axis_up() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bar = media("mesh-bar.ply");
+    let positions = |name: &Path| {
+        let model = read_model(name, &ReadLimits::default(), &Run::default()).expect("a mesh");
+        model.mesh().positions().to_vec()
+    };
+    succeed(folder.path(), &["mesh", "convert", &bar, "-o", "bar.obj", "--unit", "mm:m", "--up", "z:y"]);
+    let (before, after) = (positions(Path::new(&bar)), positions(&folder.path().join("bar.obj")));
+    assert_eq!(before.len(), after.len());
+    for (p, q) in before.iter().zip(&after) {
+        let expected = nalgebra::Point3::new(p.x, p.z, -p.y) * 1e-3;
+        assert!((q - expected).norm() < 1e-9, "{p} to {q}");
+    }
+    // A factor and a unit both count.
+    succeed(folder.path(), &["mesh", "convert", &bar, "-o", "large.obj", "--unit", "in:cm", "--scale", "10"]);
+    let large = positions(&folder.path().join("large.obj"));
+    assert!(before.iter().zip(&large).all(|(p, q)| (q.coords - 25.4 * p.coords).norm() < 1e-6));
+    for wrong in [["--unit", "mm:parsec"], ["--unit", "mm"], ["--up", "w:y"], ["--scale", "0"], ["--scale", "1e13"]] {
+        let output = plumbline_in(folder.path(), &["mesh", "convert", &bar, "-o", "no.obj", wrong[0], wrong[1]]);
+        assert_eq!(output.status.code(), Some(2), "{wrong:?}: {}", err(&output));
+        assert!(err(&output).contains(wrong[0]), "{}", err(&output));
+    }
+    assert_eq!(names(folder.path()), ["bar.obj", "large.obj"]);
+}

@@ -37,6 +37,7 @@ impl Offer for Render {
         Setting::of("scalar").value("FILE.npy|x|y|z").under("Look"),
         Setting::of("mark_back").under("Look"),
         Setting::of("skeleton").under("Look"),
+        Setting::of("labels").under("Look"),
         Setting::of("opacity").value("FRACTION").under("Look"),
         Setting::of("background").value("COLOR").under("Look"),
     ];

@@ -17,9 +17,10 @@ use plumbline_image::still::{Photo, frame_of_rgb};
 use plumbline_num::document::read_bounded;
 use plumbline_shape::character::io::read_rig;
 use plumbline_shape::character::skeleton_file::SkeletonFile;
+use plumbline_shape::character::{CurveSkeleton, Skeleton};
 use plumbline_shape::draw::{
-    CLAY, Mark, Paint, Scale, Shape, Style, Surface, SurfaceCamera, UpAxis, ViewDirection, Wireframe, branch_marks,
-    draw, node_marks,
+    CLAY, Label, Mark, Paint, Scale, Shape, Style, Surface, SurfaceCamera, UpAxis, ViewDirection, Wireframe,
+    branch_marks, draw, draw_labels, node_marks,
 };
 use plumbline_shape::mesh::{Model, TriMesh};
 
@@ -47,6 +48,8 @@ pub struct MeshRenderSettings {
     /// A skeleton inside the mesh: json (its curve is drawn too), glb, gltf, bvh, tgf or skel
     #[schemars(extend("format" = "path"))]
     pub skeleton: Option<String>,
+    /// The names of the joints of the skeleton beside them, as far as there is room
+    pub labels: bool,
     /// How opaque the mesh is, 0 to 1; what is behind shows through. 0.2 with a skeleton, else 1, if left out
     #[schemars(range(min = 0, max = 1))]
     pub opacity: Option<f64>,
@@ -68,6 +71,7 @@ impl Default for MeshRenderSettings {
             scalar: None,
             mark_back: false,
             skeleton: None,
+            labels: false,
             opacity: None,
             handles: true,
             background: None,
@@ -107,10 +111,17 @@ impl Stage for MeshRenderSettings {
     }
 
     fn conflicts(&self) -> Vec<Conflict> {
-        let both = self.colors && self.scalar.is_some();
-        let message = "`colors` and `scalar` color the same surface".to_owned();
-        let help = "take one of both";
-        if both { vec![Conflict { key: "colors", message, help }] } else { Vec::new() }
+        let both = (self.colors && self.scalar.is_some()).then(|| Conflict {
+            key: "colors",
+            message: "`colors` and `scalar` color the same surface".to_owned(),
+            help: "take one of both",
+        });
+        let nameless = (self.labels && self.skeleton.is_none()).then(|| Conflict {
+            key: "labels",
+            message: "`labels` are the names of the joints of a skeleton".to_owned(),
+            help: "give `skeleton`",
+        });
+        both.into_iter().chain(nameless).collect()
     }
 
     fn reads(&self) -> Vec<&str> {
@@ -137,11 +148,22 @@ impl Stage for MeshRenderSettings {
         let camera = SurfaceCamera::fit(seen(&mesh), self.view, self.up, size);
         let edges = self.wireframe.then(|| polygon_edges(&posed.model));
         let mut marks = if self.handles { marks(&posed, size) } else { Vec::new() };
-        if let Some(path) = &self.skeleton {
-            marks.extend(skeleton_marks(&to_path(path), size, context.job)?);
+        let inside = self.skeleton.as_ref().map(|path| read_skeleton(&to_path(path), context.job)).transpose()?;
+        if let Some((skeleton, curve)) = &inside {
+            marks.extend(skeleton_marks(skeleton, curve.as_ref(), size));
         }
         let surface = Surface { mesh: &mesh, paint, edges: edges.as_deref(), marks: &marks };
-        let drawn = draw(&surface, &camera, &style(self), &context.job.run())?;
+        let mut drawn = draw(&surface, &camera, &style(self), &context.job.run())?;
+        if let Some((skeleton, _)) = inside.as_ref().filter(|_| self.labels) {
+            let joints = skeleton.joints();
+            let named = joints.iter().zip(skeleton.rest_positions());
+            let labels: Vec<Label<'_>> = named.map(|(joint, at)| Label { at, text: &joint.name }).collect();
+            let shown = draw_labels(&labels, joint_px(size), &camera, &mut drawn);
+            if shown < joints.len() {
+                let count = joints.len();
+                context.warn(format!("names of {shown} of {count} joints: a larger `size` has room for more"));
+            }
+        }
         let frame = frame_of_rgb(drawn.as_bytes(), size.0, size.1).map_err(|e| RunError::Internal(e.to_string()))?;
         Ok((Arc::new(Photo::new(frame)),))
     }
@@ -220,27 +242,33 @@ fn marks(posed: &Posed, size: (usize, usize)) -> Vec<Mark> {
     posed.handles.iter().map(mark).collect()
 }
 
-/// The skeleton of a file: its joints, and the curve that they were made of, or else bones.
-fn skeleton_marks(path: &Path, size: (usize, usize), job: &Job<'_>) -> Result<Vec<Mark>, RunError> {
-    let side = size.0.min(size.1) as f64;
-    let own = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    let (skeleton, curve) = if own {
+/// The skeleton of a file, and the curve that it was made of.
+fn read_skeleton(path: &Path, job: &Job<'_>) -> Result<(Skeleton, Option<CurveSkeleton>), RunError> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
         let read = SkeletonFile::read(path).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))?;
-        (read.skeleton, read.curve)
-    } else {
-        let read = read_rig(path, &job.read_limits(), &job.run());
-        (read.map_err(|e| RunError::Input(e.to_string()))?.skeleton, None)
-    };
+        return Ok((read.skeleton, read.curve));
+    }
+    let read = read_rig(path, &job.read_limits(), &job.run());
+    Ok((read.map_err(|e| RunError::Input(e.to_string()))?.skeleton, None))
+}
+
+/// Diameter of a joint, px.
+fn joint_px(size: (usize, usize)) -> f64 {
+    (size.0.min(size.1) as f64 * JOINT).max(5.0)
+}
+
+/// The joints of a skeleton, and the curve that they were made of, or else bones.
+fn skeleton_marks(skeleton: &Skeleton, curve: Option<&CurveSkeleton>, size: (usize, usize)) -> Vec<Mark> {
     let joints = skeleton.rest_positions();
     let numbered = skeleton.joints().iter().zip(0..);
     let bones: Vec<[u32; 2]> = numbered.filter_map(|(joint, j)| joint.parent.map(|p| [p, j])).collect();
-    let width = (side * BONE).max(2.0);
-    let mut marks = match &curve {
+    let width = (size.0.min(size.1) as f64 * BONE).max(2.0);
+    let mut marks = match curve {
         Some(curve) => branch_marks(&curve.nodes, &curve.edges, width),
         None => branch_marks(&joints, &bones, width),
     };
-    marks.extend(node_marks(&joints, &bones, (side * JOINT).max(5.0)));
-    Ok(marks)
+    marks.extend(node_marks(&joints, &bones, joint_px(size)));
+    marks
 }
 
 /// The numbers that color the mesh: one per vertex, or one per triangle.

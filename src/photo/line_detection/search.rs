@@ -85,10 +85,11 @@ impl LineSearch {
         Ok(self.detected(lens, run)?.into_iter().map(|detected| detected.line).collect())
     }
 
-    /// Of lines that were found: those that are no edges of faces and that one edge runs along, as that edge is measured over its
-    /// whole visible length: a lens that is off by a pixel bends what it says is straight.
+    /// Of lines that were found: those that are no edges of faces, as their edges are measured over their whole visible length. It is
+    /// the edge that is made straight, not the great circle: between the two lies the error of the lens, one to two pixels of an
+    /// ordinary wide-angle photo.
     pub fn of_found(&self, lines: Vec<Line>, lens: &Lens, faces: &[Rect]) -> LineConstraints {
-        let lines = straight(off_faces(lines, faces), lens, self.levels.as_ref());
+        let lines = followed(&off_faces(lines, faces), lens, self.levels.as_ref());
         LineConstraints { lines, soft: Vec::new() }
     }
 
@@ -132,13 +133,19 @@ impl LineSearch {
         // A picture of few pixels across is of another shape when it is small, and shows no lines.
         let size = (self.levels.width() as f64, self.levels.height() as f64);
         let Ok(small) = lens.map(|lens| lens.resized(size)).transpose() else { return Ok(Vec::new()) };
-        let detection = detect_lines(self.levels.as_ref(), small.as_ref(), &LineDetectionOptions::default(), run)?;
+        let levels = self.levels.as_ref();
+        let mut found = detect_lines(levels, small.as_ref(), &LineDetectionOptions::default(), run)?.lines;
+        if let Some(lens) = &small {
+            let courses: Vec<&Line> = found.iter().map(|detected| &detected.line).collect();
+            let mut are_straight = straight(&courses, lens, levels).into_iter();
+            found.retain(|_| are_straight.next().unwrap_or(true));
+        }
         let scale = self.scale();
         let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
         // Of what lies between the ends the lens determines all. More points would be taken for measurements of it, once they
         // are saved and read back.
         let ends = |points: &[Point2]| points.first().into_iter().chain(points.last()).map(at).collect();
         let of_ends = |d: DetectedLine| DetectedLine { line: Line { points: ends(&d.line.points), ..d.line }, ..d };
-        Ok(detection.lines.into_iter().map(of_ends).collect())
+        Ok(found.into_iter().map(of_ends).collect())
     }
 }

@@ -1,4 +1,4 @@
-//! Lines that were found, as their edges are measured; those that are none are dropped.
+//! Which of the lines that were found are lines.
 //!
 //! A detector joins pieces of edges that happen to lie on one great circle: the border of a board and the edge of what lies behind it,
 //! or a pipe that bends a little. Followed over their whole length, such edges leave the circle, and a map that makes them straight
@@ -16,9 +16,7 @@
 //! departure > max(OUTLIER · median over all lines, MIN_DEPARTURE).
 //! ```
 //!
-//! Under a wrong lens all lines depart, and all are kept: that error is not hidden. It is the measured edges of the rest that a map makes
-//! straight, not their circles: between the two lies the error of the lens, which is one to two pixels of an ordinary wide-angle
-//! photo.
+//! Under a wrong lens all lines depart, and all are kept: that error is not hidden.
 //!
 //! On eight pictures of boards of which nothing is given, up to 5 of 31 lines are dropped; without that, the worst line that the result
 //! shows is 0.6 to 2.3 px off on six of them. Dropped too is a line of the board that was joined with an edge behind it. To keep the
@@ -27,12 +25,11 @@
 use rayon::prelude::*;
 
 use super::Line;
-use super::continuation::followed;
 use crate::{Sight, best_circle};
 use plumbline_camera::Lens;
 use plumbline_image::PlaneRef;
 use plumbline_image::feature::{EdgeTracer, MAX_OFF_CUBIC};
-use plumbline_num::math::{Point2, Vec2};
+use plumbline_num::math::Point2;
 
 /// Steps between the points of a course along which an edge is looked for.
 const COURSE: usize = 16;
@@ -45,27 +42,20 @@ const RUNS: usize = 8;
 /// Least number of samples of a run: the median of fewer is no less noisy than they are.
 const MIN_RUN: usize = 3;
 
-/// The edges of the lines over their whole visible length, without lines whose edge is bent more than those of most others. Lines along which
-/// no edge is seen are kept as they are, as is all on a panorama. `levels` are the gray levels of the picture of `lens` at any resolution.
-pub(super) fn straight(lines: Vec<Line>, lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<Line> {
-    let size = (levels.width() as f64, levels.height() as f64);
-    let small = if lens.projection.is_panoramic() { None } else { lens.resized(size).ok() };
-    let Some(small) = small else { return lines };
+/// Of each line, whether it is one: its edge is bent no more than those of most others, or no edge is seen along it. All lines of a
+/// panorama are. `lens` has the size of the gray levels, and lines are in px of them.
+pub(super) fn straight(lines: &[&Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<bool> {
+    if lens.projection.is_panoramic() {
+        return vec![true; lines.len()];
+    }
     let tracer = EdgeTracer::new(levels);
-    let scale = Vec2::new(size.0 / lens.size.0, size.1 / lens.size.1);
-    let of_line = |line: &Line| {
-        let points = line.points.iter().map(|p| Point2::from(p.coords.component_mul(&scale))).collect();
-        departure(&Line { points, ..line.clone() }, &small, &tracer)
-    };
-    let departures: Vec<Option<f64>> = lines.par_iter().map(of_line).collect();
+    let departures: Vec<Option<f64>> = lines.par_iter().map(|line| departure(line, lens, &tracer)).collect();
     let mut known: Vec<f64> = departures.iter().flatten().copied().collect();
     known.sort_by(f64::total_cmp);
     // The lower median: of two or four lines the better half sets the scale.
-    let Some(usual) = known.get(known.len().saturating_sub(1) / 2) else { return lines };
+    let usual = known.get(known.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
     let most = (OUTLIER * usual).max(MIN_DEPARTURE);
-    let is_straight = |departure: &Option<f64>| departure.is_none_or(|d| d <= most);
-    let kept = lines.into_iter().zip(&departures).filter(|(_, d)| is_straight(d)).map(|(line, _)| line);
-    followed(&kept.collect::<Vec<_>>(), lens, levels)
+    departures.iter().map(|departure| departure.is_none_or(|d| d <= most)).collect()
 }
 
 /// How far a line's edge departs from its best great circle, px; `None` where no edge is seen along it.

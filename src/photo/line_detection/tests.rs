@@ -351,7 +351,7 @@ fn a_bent_edge_among_straight_ones_is_no_line_and_all_bent_ones_are_lines_of_a_w
     let size = (400.0, 300.0);
     let fov = FieldOfView::degrees(60.0, FieldAxis::Horizontal);
     let lens = Lens::from_field_of_view(Projection::Rectilinear, fov, size).unwrap();
-    let kept = |bends: [f64; 4]| -> Vec<String> {
+    let lines = |bends: [f64; 4]| -> Vec<bool> {
         let height = |k: usize, x: f64| 60.0 * (k + 1) as f64 + bends[k] * (x / 200.0 - 1.0).powi(2);
         let levels = Plane::from_fn(400, 300, |x, y| {
             let covered = |k: usize| (y as f64 + 1.0 - height(k, x as f64 + 0.5)).clamp(0.0, 1.0);
@@ -361,10 +361,10 @@ fn a_bent_edge_among_straight_ones_is_no_line_and_all_bent_ones_are_lines_of_a_w
             let end = |x: f64| Point2::new(x, height(k, x) - 0.3 * bends[k]);
             Line { name: k.to_string(), points: vec![end(20.0), end(380.0)], orientation: Orientation::Free }
         };
-        let found = (0..4).map(line).collect();
-        LineSearch::new(levels, size).of_found(found, &lens, &[]).lines.into_iter().map(|l| l.name).collect()
+        let found: Vec<Line> = (0..4).map(line).collect();
+        straight::straight(&found.iter().collect::<Vec<_>>(), &lens, levels.as_ref())
     };
-    assert_eq!(kept([0.0; 4]), ["0", "1", "2", "3"]);
-    assert_eq!(kept([0.0, 0.0, 3.0, 0.0]), ["0", "1", "3"], "a bend of 3 px");
-    assert_eq!(kept([3.0, 3.2, 2.8, 3.0]), ["0", "1", "2", "3"], "a lens that bends them all is not hidden");
+    assert_eq!(lines([0.0; 4]), [true; 4]);
+    assert_eq!(lines([0.0, 0.0, 3.0, 0.0]), [true, true, false, true], "a bend of 3 px");
+    assert_eq!(lines([3.0, 3.2, 2.8, 3.0]), [true; 4], "a lens that bends them all is not hidden");
 }

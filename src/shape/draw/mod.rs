@@ -6,12 +6,14 @@
 //!    wireframe is drawn by the distance to the triangle's edges, so that it is hidden with its triangle.
 //! 4. The layers of a translucent surface are found by depth peeling and composited front to back.
 //! 5. `marks.rs` draws points and segments (handles, skeletons: `graph.rs`). Hidden marks are attenuated (`occlusion.rs`).
+//! 6. `labels.rs` writes names beside points ([`draw_labels`]).
 //!
 //! Both sides of a triangle are lit; degenerate triangles are skipped. The picture does not depend on the number of threads.
 
 mod camera;
 mod corner_normals;
 mod graph;
+mod labels;
 mod legend;
 mod lighting;
 mod marks;
@@ -25,6 +27,7 @@ mod visibility;
 
 pub use camera::{SurfaceCamera, UpAxis, ViewDirection};
 pub use graph::{branch_marks, node_marks};
+pub use labels::{Label, draw_labels};
 pub use marks::{Mark, Shape};
 
 use crate::mesh::TriMesh;

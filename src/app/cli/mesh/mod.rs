@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
@@ -22,6 +23,7 @@ use crate::stages::mesh::mesh_error;
 use files::{MeshTargetArgs, Target, all_inputs};
 use plumbline_num::run::Run;
 use plumbline_shape::mesh::io::{WriteOptions, losses, write_model_if};
+use plumbline_shape::mesh::model::{Axis, CoordinateChange, LengthUnit};
 use plumbline_shape::mesh::{
     MeshError, MeshFacts, MeshFormat, Model, ReadLimits, RepairOptions, Weld, read_model, repair,
 };
@@ -86,6 +88,41 @@ struct ConvertArgs {
     read: ReadArgs,
     #[command(flatten)]
     target: MeshTargetArgs,
+    /// Multiply all lengths by this number
+    #[arg(long, value_name = "NUMBER", value_parser = scale)]
+    scale: Option<f64>,
+    /// Write lengths in another unit, such as mm:m (mm, cm, m, in, ft)
+    #[arg(long, value_name = "FROM:TO", value_parser = unit)]
+    unit: Option<f64>,
+    /// Rotate the mesh so that another axis points up, such as z:y; glTF means y
+    #[arg(long, value_name = "FROM:TO", value_parser = up)]
+    up: Option<(Axis, Axis)>,
+}
+
+impl ConvertArgs {
+    fn change(&self) -> CoordinateChange {
+        let scale = self.scale.unwrap_or(1.0) * self.unit.unwrap_or(1.0);
+        self.up.map_or(CoordinateChange { scale, ..CoordinateChange::default() }, |up| CoordinateChange { scale, up })
+    }
+}
+
+fn scale(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("{text:?} is not a number"))?;
+    if (1e-12..=1e12).contains(&value) { Ok(value) } else { Err(format!("{value} is out of range (1e-12 to 1e12)")) }
+}
+
+/// Two words with a colon between them.
+fn pair<T: FromStr<Err = String>>(text: &str) -> Result<(T, T), String> {
+    let (from, to) = text.split_once(':').ok_or_else(|| format!("{text:?} is not of the form FROM:TO"))?;
+    Ok((from.parse()?, to.parse()?))
+}
+
+fn unit(text: &str) -> Result<f64, String> {
+    pair::<LengthUnit>(text).map(|(from, to)| from.meters() / to.meters())
+}
+
+fn up(text: &str) -> Result<(Axis, Axis), String> {
+    pair(text)
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
@@ -119,7 +156,14 @@ impl MeshArgs {
             }
             MeshCommand::Convert(args) => {
                 let targets = args.target.of(&args.read.found()?)?;
-                args.read.each(session, |k, model, _| written(model, &targets[k], run))
+                let change = args.change();
+                args.read.each(session, |k, model, _| {
+                    if change.is_identity() {
+                        written(model, &targets[k], run)
+                    } else {
+                        written(&model.changed(&change)?, &targets[k], run)
+                    }
+                })
             }
         }
     }

@@ -6,6 +6,7 @@
 
 pub mod articulation;
 mod builder;
+mod coordinates;
 mod corner_data;
 mod faces;
 mod normals;
@@ -19,6 +20,7 @@ use super::{MeshError, Repaired, TriMesh};
 use articulation::Articulation;
 
 pub use builder::ModelBuilder;
+pub use coordinates::{Axis, CoordinateChange, LengthUnit};
 pub use corner_data::{CornerData, NO_VALUE};
 pub use faces::Faces;
 
