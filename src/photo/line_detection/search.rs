@@ -50,6 +50,8 @@ pub struct LineSearch {
 struct LastSearch {
     lens: Option<Lens>,
     lines: Vec<DetectedLine>,
+    /// Of each, whether its edge is straight; beside marked lines, which decide where they disagree, the others count too.
+    straight: Vec<bool>,
 }
 
 /// The lines that a map is made of.
@@ -82,7 +84,9 @@ impl LineSearch {
     /// # Errors
     /// [`Stopped`].
     pub fn lines(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<Line>, Stopped> {
-        Ok(self.detected(lens, run)?.into_iter().map(|detected| detected.line).collect())
+        let LastSearch { lines, straight, .. } = self.detected(lens, run)?;
+        let straight = lines.into_iter().zip(straight).filter(|(_, is_straight)| *is_straight);
+        Ok(straight.map(|(detected, _)| detected.line).collect())
     }
 
     /// Of lines that were found: those that are no edges of faces, as their edges are measured over their whole visible length. It is
@@ -110,7 +114,7 @@ impl LineSearch {
             return Ok(LineConstraints::default());
         }
         run.check()?;
-        let mut found = self.detected(Some(lens), run)?;
+        let mut found = self.detected(Some(lens), run)?.lines;
         found.retain(|detected| !off_faces(vec![detected.line.clone()], faces).is_empty());
         let courses: Vec<Line> = found.iter().map(|detected| detected.line.clone()).collect();
         let courses = followed(&courses, lens, self.levels.as_ref());
@@ -119,33 +123,32 @@ impl LineSearch {
         Ok(LineConstraints { lines, soft })
     }
 
-    fn detected(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<DetectedLine>, Stopped> {
+    fn detected(&self, lens: Option<&Lens>, run: &Run) -> Result<LastSearch, Stopped> {
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = last().as_ref().filter(|known| known.lens.as_ref() == lens) {
-            return Ok(known.lines.clone());
+            return Ok(known.clone());
         }
-        let lines = self.searched(lens, run)?;
-        *last() = Some(LastSearch { lens: lens.cloned(), lines: lines.clone() });
-        Ok(lines)
+        let (lines, straight) = self.searched(lens, run)?.into_iter().unzip();
+        let found = LastSearch { lens: lens.cloned(), lines, straight };
+        *last() = Some(found.clone());
+        Ok(found)
     }
 
-    fn searched(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<DetectedLine>, Stopped> {
+    /// The lines, and whether the edge of each is straight.
+    fn searched(&self, lens: Option<&Lens>, run: &Run) -> Result<Vec<(DetectedLine, bool)>, Stopped> {
         // A picture of few pixels across is of another shape when it is small, and shows no lines.
         let size = (self.levels.width() as f64, self.levels.height() as f64);
         let Ok(small) = lens.map(|lens| lens.resized(size)).transpose() else { return Ok(Vec::new()) };
         let levels = self.levels.as_ref();
-        let mut found = detect_lines(levels, small.as_ref(), &LineDetectionOptions::default(), run)?.lines;
-        if let Some(lens) = &small {
-            let courses: Vec<&Line> = found.iter().map(|detected| &detected.line).collect();
-            let mut are_straight = straight(&courses, lens, levels).into_iter();
-            found.retain(|_| are_straight.next().unwrap_or(true));
-        }
+        let found = detect_lines(levels, small.as_ref(), &LineDetectionOptions::default(), run)?.lines;
+        let courses: Vec<&Line> = found.iter().map(|detected| &detected.line).collect();
+        let straight = small.map_or_else(|| vec![true; courses.len()], |lens| straight(&courses, &lens, levels));
         let scale = self.scale();
         let at = |p: &Point2| Point2::new(p.x * scale.0, p.y * scale.1);
         // Of what lies between the ends the lens determines all. More points would be taken for measurements of it, once they
         // are saved and read back.
         let ends = |points: &[Point2]| points.first().into_iter().chain(points.last()).map(at).collect();
         let of_ends = |d: DetectedLine| DetectedLine { line: Line { points: ends(&d.line.points), ..d.line }, ..d };
-        Ok(found.into_iter().map(of_ends).collect())
+        Ok(found.into_iter().map(of_ends).zip(straight).collect())
     }
 }
