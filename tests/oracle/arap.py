@@ -53,7 +53,8 @@ def main():
                     X, report = ours(folder, V, F, b, T, method, "--solver", solver, "--iterations", "8000",
                                      "--tolerance", "1e-12")
                     told = report["energies"][-1]
-                    check(f"{case} {method} {solver}: minimum of libigl", abs(told / reference - 1), 1e-6)
+                    # A lower minimum is none of libigl's: the energy and the handles are checked below.
+                    check(f"{case} {method} {solver}: above the minimum of libigl", told / reference - 1, 1e-6)
                     check(f"{case} {method} {solver}: energy by numpy",
                           abs(told / _surfaces.energy(V, F, X, method) - 1), 1e-9)
                     check(f"{case} {method} {solver}: handles", np.abs(X[b] - T).max(), 0)
