@@ -212,8 +212,11 @@ impl Trajectory {
             let p = self.motion.inverse_at(time, p);
             (low - p).sup(&(p - high)).max()
         };
-        let excess = x.iter().map(outside).fold(0.0, f64::max) / (high - low).norm();
-        if excess <= MAX_EXCESS { Ok(()) } else { Err(MorphError::OutsideBox { time, excess }) }
+        let (excess, diagonal) = (x.iter().map(outside).fold(0.0, f64::max), (high - low).norm());
+        if excess <= MAX_EXCESS * diagonal {
+            return Ok(());
+        }
+        Err(MorphError::OutsideBox { time, excess: excess / diagonal })
     }
 
     /// The global rotation between the poses as a rotation vector, rad.
