@@ -1,4 +1,4 @@
-//! How straight the lines of a picture became, measured on edges found in the result.
+//! How straight the lines of a picture became, measured along their edges.
 //!
 //! A solver's residual is small by construction: it knows the lens that it was given and the points that it was given, and a wrong
 //! lens or a mark that ends early leaves a bend that it cannot see. So the edge of each line is followed in the source as far as it goes
@@ -45,6 +45,10 @@ pub fn measure_straightness(
     let measured = |line: &Line| {
         let course: Vec<Point2> =
             line.course(lens, COURSE).iter().map(|p| Point2::from(p.coords.component_mul(&per))).collect();
+        // Across the seam of a panorama there is no edge to follow.
+        if course.windows(2).any(|p| (p[1].x - p[0].x).abs() > 0.5 * luma.width() as f64) {
+            return None;
+        }
         let source = tracer.trace(&course)?.smooth(MAX_OFF).points.into_iter();
         let edge = source.filter_map(|p| (warp.forward)(Point2::from(p.coords.component_div(&per))));
         bend(&edge.filter(|p| shown.contains(*p)).collect::<Vec<_>>())

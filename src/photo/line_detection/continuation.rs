@@ -23,7 +23,7 @@ use plumbline_image::feature::{EdgeTracer, MAX_OFF_CUBIC, TracedEdge, averaged, 
 use plumbline_num::math::{Point2, Vec2};
 
 /// Steps between two marks along which an edge is looked for.
-const COURSE: usize = 16;
+pub(super) const COURSE: usize = 16;
 /// Largest median distance of a run of samples from the circle, and of a mark, px, for lines that are measured: half the least
 /// distance between edges that the tracer distinguishes, four times the error of a calibrated lens. At half of it some lines of boards seen by a
 /// fisheye are not followed.

@@ -25,14 +25,13 @@
 use rayon::prelude::*;
 
 use super::Line;
+use super::continuation::COURSE;
 use crate::{Sight, best_circle};
 use plumbline_camera::Lens;
 use plumbline_image::PlaneRef;
 use plumbline_image::feature::{EdgeTracer, MAX_OFF_CUBIC};
-use plumbline_num::math::Point2;
+use plumbline_num::math::{Point2, median};
 
-/// Steps between the points of a course along which an edge is looked for.
-const COURSE: usize = 16;
 /// Departure of a line that is none, in medians: the limit of a calibration for its outliers.
 const OUTLIER: f64 = 4.0;
 /// Least departure of a line that is none, px of the gray levels: what a lens of few terms leaves at the border of a picture.
@@ -69,10 +68,6 @@ fn departure(line: &Line, lens: &Lens, tracer: &EdgeTracer<'_>) -> Option<f64> {
     if run < MIN_RUN {
         return None;
     }
-    let middle = |run: &[f64]| {
-        let mut sorted = run.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2].abs()
-    };
+    let middle = |run: &[f64]| median(&mut run.to_vec()).map_or(0.0, f64::abs);
     Some(offs.windows(run).map(middle).fold(0.0, f64::max))
 }
