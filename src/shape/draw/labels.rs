@@ -24,8 +24,37 @@ pub struct Label<'a> {
 /// A rectangle of pixels: left, top, right, bottom.
 type Area = [i64; 4];
 
+/// Which parts of a picture have a name already, in cells of half a line of text.
+struct Taken {
+    cell: i64,
+    columns: i64,
+    cells: Vec<bool>,
+}
+
+impl Taken {
+    fn new((width, height): (i64, i64), cell: i64) -> Self {
+        let (columns, rows) = (width / cell + 1, height / cell + 1);
+        Self { cell, columns, cells: vec![false; (columns * rows) as usize] }
+    }
+
+    /// The cells of an area inside the picture.
+    fn under(&self, &[left, top, right, bottom]: &Area) -> impl Iterator<Item = usize> + use<> {
+        let (cell, columns) = (self.cell, self.columns);
+        let along = move |from: i64, to: i64| from / cell..=(to - 1) / cell;
+        along(top, bottom).flat_map(move |row| along(left, right).map(move |column| (row * columns + column) as usize))
+    }
+
+    fn is_free(&self, area: &Area) -> bool {
+        self.under(area).all(|cell| !self.cells[cell])
+    }
+
+    fn take(&mut self, area: &Area) {
+        self.under(area).for_each(|cell| self.cells[cell] = true);
+    }
+}
+
 /// Writes names beside their points, `gap_px` away, in the order given: to the right where there is room, else to the left, above or below.
-/// A name that would lie on an earlier one or outside the picture is left out, as is one of a point behind the camera. Returns how many
+/// A name that would touch an earlier one or lie outside the picture is left out, as is one of a point behind the camera. Returns how many
 /// are written.
 ///
 /// # Example
@@ -45,7 +74,8 @@ type Area = [i64; 4];
 pub fn draw_labels(labels: &[Label<'_>], gap_px: f64, camera: &SurfaceCamera, canvas: &mut Canvas) -> usize {
     let (width, height) = (canvas.width() as i64, canvas.height() as i64);
     let scale = (canvas.width().min(canvas.height()) / 400).clamp(1, 4);
-    let mut taken: Vec<Area> = Vec::new();
+    let mut taken = Taken::new((width, height), 4 * scale as i64);
+    let mut count = 0;
     for label in labels {
         let text: String = label.text.chars().take(MAX_CHARACTERS).collect();
         let seen = camera.pose.apply(&label.at);
@@ -62,18 +92,15 @@ pub fn draw_labels(labels: &[Label<'_>], gap_px: f64, camera: &SurfaceCamera, ca
         let areas = places.map(|(left, top)| [left, top, left + w, top + h]);
         let fits = |area: &&Area| {
             let inside = area[0] >= 0 && area[1] >= 0 && area[2] <= width && area[3] <= height;
-            inside && !taken.iter().any(|other| overlap(area, other))
+            inside && taken.is_free(area)
         };
         if let Some(area) = areas.iter().find(fits).copied() {
             written(canvas, &area, &text, scale);
-            taken.push(area);
+            taken.take(&area);
+            count += 1;
         }
     }
-    taken.len()
-}
-
-fn overlap(a: &Area, b: &Area) -> bool {
-    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+    count
 }
 
 /// Dark on a light rim, to be read on any color.
@@ -96,10 +123,10 @@ mod tests {
         let blank = || Canvas::new(200, 200, [128; 3]);
         let here = Label { at: Point3::origin(), text: "joint" };
         let mut canvas = blank();
-        assert_eq!(draw_labels(&[here; 9], 5.0, &camera, &mut canvas), 4, "one on each side");
+        assert_eq!(draw_labels(&[here; 9], 8.0, &camera, &mut canvas), 4, "one on each side");
         let inks = canvas.as_bytes().chunks(3).filter(|p| *p == INK).count();
         let mut one = blank();
-        draw_labels(&[here], 5.0, &camera, &mut one);
+        draw_labels(&[here], 8.0, &camera, &mut one);
         assert_eq!(inks, 4 * one.as_bytes().chunks(3).filter(|p| *p == INK).count());
         // Behind the camera, outside, nowhere, without a name, and too long for the picture.
         let eye = camera.pose.inverse().apply(&Point3::new(0.0, 0.0, -1.0));
