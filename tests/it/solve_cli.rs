@@ -56,6 +56,21 @@ fn a_system_is_solved_reported_and_drawn() {
 }
 
 #[test]
+fn a_condition_that_leaves_few_digits_is_warned_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (least, warns) in [("1e-3", false), ("1e-12", true)] {
+        let matrix =
+            format!("%%MatrixMarket matrix coordinate real symmetric\n3 3 4\n1 1 2\n2 2 1\n3 3 {least}\n2 1 1\n");
+        write(folder.path(), "a.mtx", &matrix);
+        let output = plumbline_in(folder.path(), &["solve", "a.mtx", "--method", "cholesky"]);
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        let text = out(&output);
+        assert_eq!(text.contains("the condition leaves about 3 digits"), warns, "{text}");
+        assert_eq!(text.contains("warning"), warns, "{text}");
+    }
+}
+
+#[test]
 fn low_rank_changes_solve_the_changed_system() {
     let folder = tempfile::tempdir().expect("a folder");
     write(folder.path(), "a.mtx", &grid(12, 0.25));
