@@ -161,7 +161,7 @@ impl MeshArgs {
                     if change.is_identity() {
                         written(model, &targets[k], run)
                     } else {
-                        written(&model.changed(&change)?, &targets[k], run)
+                        written(&model.with_coordinates(&change)?, &targets[k], run)
                     }
                 })
             }

@@ -79,7 +79,7 @@ impl FromStr for LengthUnit {
 ///
 /// let millimeters = Model::of_mesh(shapes::bar([1, 1, 2], [10.0, 10.0, 20.0]));
 /// let change = CoordinateChange { scale: 1e-3, ..CoordinateChange::up(Axis::Z, Axis::Y) };
-/// let (low, high) = millimeters.changed(&change)?.mesh().bounding_box().expect("vertices");
+/// let (low, high) = millimeters.with_coordinates(&change)?.mesh().bounding_box().expect("vertices");
 /// assert!(((high - low).y - 0.02).abs() < 1e-12);
 /// # Ok::<(), plumbline_shape::mesh::MeshError>(())
 /// ```
@@ -124,8 +124,9 @@ impl Model {
     /// The model in other coordinates, with all that belongs to it: normals, nodes, bind poses, morph targets and animations.
     ///
     /// # Errors
-    /// [`MeshError::NotFinite`] where a coordinate would be too large for a number.
-    pub fn changed(&self, change: &CoordinateChange) -> Result<Self, MeshError> {
+    /// [`MeshError::NotFinite`] where a coordinate would be too large for a number, [`MeshError::Articulation`] where a number of a node,
+    /// a target or an animation would be.
+    pub fn with_coordinates(&self, change: &CoordinateChange) -> Result<Self, MeshError> {
         let rotation = change.rotation();
         let positions = self.mesh.positions().iter().map(|p| change.scale * (rotation * p)).collect();
         let mut changed = self.clone();
@@ -134,7 +135,11 @@ impl Model {
             normals.values.iter_mut().for_each(|normal| turn(normal, &rotation, 1.0));
         }
         if let Some(articulation) = &mut changed.articulation {
-            articulated(Arc::make_mut(articulation), &rotation, change.scale);
+            let articulation = Arc::make_mut(articulation);
+            articulated(articulation, &rotation, change.scale);
+            if !is_finite(articulation) {
+                return Err(MeshError::Articulation { fault: "too large for a number in these units".to_owned() });
+            }
         }
         Ok(changed)
     }
@@ -183,6 +188,18 @@ fn articulated(articulation: &mut Articulation, rotation: &Matrix3<f64>, scale: 
             }
         }
     }
+}
+
+fn is_finite(articulation: &Articulation) -> bool {
+    let all = |values: &[f64]| values.iter().all(|v| v.is_finite());
+    let nodes = articulation.nodes.iter().all(|node| match &node.transform {
+        NodeTransform::Matrix(matrix) => all(matrix.as_slice()),
+        NodeTransform::Trs { translation, rotation, scale } => all(translation) && all(rotation) && all(scale),
+    });
+    nodes
+        && articulation.skins.iter().flat_map(|skin| &skin.inverse_binds).all(|bind| all(bind.as_slice()))
+        && articulation.instances.iter().flat_map(|i| &i.targets).flat_map(|target| &target.offsets).all(|o| all(o))
+        && articulation.animations.iter().flat_map(|a| &a.channels).all(|channel| all(&channel.values))
 }
 
 #[cfg(test)]
@@ -246,7 +263,7 @@ mod tests {
         };
         let model = Model::of_mesh(mesh).with_articulation(Some(articulation)).expect("indices in range");
         let change = CoordinateChange { scale: 0.25, ..CoordinateChange::up(Axis::Z, Axis::Y) };
-        let changed = model.changed(&change).expect("finite");
+        let changed = model.with_coordinates(&change).expect("finite");
         let to = (change.scale * change.rotation()).to_homogeneous();
         let back = to.try_inverse().expect("a similarity");
         let (before, after) = (model.articulation().expect("nodes"), changed.articulation().expect("nodes"));
@@ -264,7 +281,7 @@ mod tests {
         assert_eq!((&channels[2].values[..], &channels[3].values[..]), (&scale[..], &[0.25, 0.5, 0.75][..]));
         // And back again.
         let inverse = CoordinateChange { scale: 4.0, ..CoordinateChange::up(Axis::Y, Axis::Z) };
-        let again = changed.changed(&inverse).expect("finite");
+        let again = changed.with_coordinates(&inverse).expect("finite");
         let far = |(p, q): (&Point3<f64>, &Point3<f64>)| (p - q).norm();
         assert!(again.mesh().positions().iter().zip(model.mesh().positions()).map(far).fold(0.0, f64::max) < 1e-12);
     }
@@ -273,6 +290,18 @@ mod tests {
     fn what_no_number_holds_is_refused() {
         let model = Model::of_mesh(shapes::bar([1, 1, 1], [1e300, 1.0, 1.0]));
         let change = CoordinateChange { scale: 1e30, ..CoordinateChange::default() };
-        assert!(matches!(model.changed(&change), Err(MeshError::NotFinite { .. })));
+        assert!(matches!(model.with_coordinates(&change), Err(MeshError::NotFinite { .. })));
+        let far =
+            NodeTransform::Trs { translation: [1e300, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0], scale: [1.0; 3] };
+        let nodes = vec![Node { transform: far, ..Node::default() }];
+        let mesh = shapes::bar([1, 1, 1], [1.0, 1.0, 1.0]);
+        let articulation = Articulation {
+            nodes,
+            instances: vec![Instance::default()],
+            instance_of_vertex: vec![0; mesh.vertex_count()],
+            ..Articulation::default()
+        };
+        let model = Model::of_mesh(mesh).with_articulation(Some(articulation)).expect("indices in range");
+        assert!(matches!(model.with_coordinates(&change), Err(MeshError::Articulation { .. })));
     }
 }
