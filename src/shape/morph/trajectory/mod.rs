@@ -195,7 +195,7 @@ impl Trajectory {
         self.first.iter().zip(&self.second).map(|(a, b)| a + (b - a) * time).collect()
     }
 
-    /// Checks that positions at a time stay near both poses: inside their bounding box, grown on each side by [`MAX_EXCESS`] of its
+    /// Checks that positions at a time stay near both poses: inside their bounding box, grown on each side by a fifth of its
     /// diagonal, in the frame that moves with the global motion. An elastic interpolation leaves it where the correspondence folds the
     /// surface: the rotations of neighboring triangles are then unrelated.
     ///
