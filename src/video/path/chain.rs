@@ -18,6 +18,9 @@ const SHAKE_SIGMA_S: f64 = 0.5;
 /// activity (standing, walking, running).
 const STRENGTH_SIGMA_S: f64 = 4.0;
 
+/// Extent (s) over which speeds are averaged: long against a frame, short against a pan.
+const SPEED_SIGMA_S: f64 = 1.0;
+
 /// Motion of one shot of `n` frames. Entry 0 of `step` and `rate` is unused (identity, 1).
 #[derive(Debug)]
 pub(super) struct Chain {
@@ -72,6 +75,14 @@ impl Chain {
         let (x, y) = (high(|s| s.d.re), high(|s| s.d.im));
         let (angle, zoom) = (high(|s| s.z.arg()), high(|s| s.z.norm().ln()));
         (0..self.len()).map(|t| x[t] + y[t] + (angle[t] + zoom[t]) / 3.0).collect()
+    }
+
+    /// RMS speed over the frame's area, frame units per second, averaged over a second.
+    pub(super) fn speed(&self) -> Vec<f64> {
+        let squared = |step: &Pose| step.d.norm_sqr() + step.z.ln().norm_sqr() / 3.0;
+        let speeds: Vec<f64> =
+            self.step.iter().zip(&self.rate).map(|(step, rate)| squared(step).sqrt() * rate * self.fps).collect();
+        spread(&speeds, self.frames(SPEED_SIGMA_S))
     }
 
     /// Shake energy around each frame, averaged over seconds; never negative.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::chain::Chain;
-use super::optimal::{Cameras, Program, Sizing};
+use super::optimal::{Cameras, Program, Sizing, zoom_speeds};
 use super::pose::{C64, FrameUnits, Pose, settle};
 use super::{Clip, PathError, PathKind, PathOptions, Segment, SegmentOutcome, VirtualPath, Zoom, ideal};
 use plumbline_num::math::{Homography, Similarity2};
@@ -186,6 +186,7 @@ fn kind_path(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run
 fn optimal(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
     let strength = chain.shake_strength();
     let about = ideal::gaussian(chain, options.smoothness_s.min(MAX_REFERENCE_S));
+    let zoom_speeds = zoom_speeds(&chain.seen_through(&about));
     let mut program = Program {
         chain,
         units,
@@ -194,7 +195,7 @@ fn optimal(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) 
         about: &about,
         smoothness_s: options.smoothness_s,
         min_crop: options.keep,
-        sizing: sizing(options),
+        sizing: sizing(options, &zoom_speeds),
         window: options.window(),
     };
     let path = in_windows(&program, run)?;
@@ -206,12 +207,12 @@ fn optimal(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) 
     Ok(path)
 }
 
-fn sizing(options: &PathOptions) -> Sizing {
+fn sizing<'a>(options: &PathOptions, zoom_speeds: &'a [f64]) -> Sizing<'a> {
     if options.border_allows_outside {
         return Sizing::Pinned(1.0);
     }
     match options.zoom {
-        Zoom::Adaptive => Sizing::Adaptive,
+        Zoom::Adaptive => Sizing::Adaptive(zoom_speeds),
         Zoom::Fixed | Zoom::None => Sizing::Shared,
     }
 }
@@ -357,15 +358,17 @@ mod tests {
         let chain = Chain::of_shot(&clip, &units, 0..900);
         assert!(windows(&chain).len() > 3, "{:?}", windows(&chain));
         let strength = chain.shake_strength();
+        let about = ideal::gaussian(&chain, 0.5);
+        let zoom_speeds = zoom_speeds(&chain.seen_through(&about));
         let program = Program {
             chain: &chain,
             units: &units,
             strength: &strength,
             ideal: None,
-            about: &ideal::gaussian(&chain, 0.5),
+            about: &about,
             smoothness_s: 0.5,
             min_crop: 0.8,
-            sizing: Sizing::Adaptive,
+            sizing: Sizing::Adaptive(&zoom_speeds),
             window: 1.0,
         };
         let pieces = in_windows(&program, &Run::default()).expect("solvable");
