@@ -36,11 +36,11 @@ const ROTATION_WEIGHT: f64 = 1.0 / 3.0;
 
 /// Time constant of the acceleration term relative to the smoothness. 0.25 leaves visible jerks; 1 lets the path overshoot into
 /// the frame's edge after every fast move. From 0.5 to 0.4 the mean crop of 17 hand-held clips rises from
-/// .882 to .900, with .286 and .292 of their shake left.
+/// .878 to .894, with .287 and .292 of their shake left.
 const ACCELERATION_TIME_RATIO: f64 = 0.4;
 
-/// Price κ of crop against the fraction of shake left. Mean (crop, shake left) over 17 hand-held clips: (.86, .22) at 1, (.88, .25)
-/// at 2, (.90, .29) at 3.3, (.92, .35) at 5, (.94, .42) at 8. At 3.3 the last percent of crop removes two and a half of shake.
+/// Price κ of crop against the fraction of shake left. Mean (crop, shake left) over 17 hand-held clips: (.85, .22) at 1, (.88, .25)
+/// at 2, (.89, .29) at 3.3, (.91, .35) at 5, (.93, .42) at 8. At 3.3 the last percent of crop removes two and a half of shake.
 const CROP_PRICE: f64 = 3.3;
 
 /// Fastest change of the window's width, fraction of the frame's width per second, where nothing else moves: far slower than a
