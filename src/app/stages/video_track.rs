@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::clip::cached_tracks::CachedTracks;
 use super::clip::stream::for_each_frame;
 use super::clip::summary::shot_segment;
+use super::kept::{CachedTracks, with_cameras};
 use super::lens_undistort::Undistorted;
 use super::prelude::*;
 use super::video_importance::importance_estimators;
@@ -14,7 +14,7 @@ use crate::stages::{MotionSettings, SmoothSettings, VideoRetargetSettings, WarpS
 use plumbline_media::{Input, Ratio, VideoInfo};
 use plumbline_video::motion::ClipMotion;
 pub use plumbline_video::stabilize::TrackingOptions as TrackSettings;
-use plumbline_video::stabilize::{ClipInfo, ClipTracker, Tracks, WindowJoiner, complete_motion};
+use plumbline_video::stabilize::{ClipInfo, ClipTracker, Tracks, WindowJoiner};
 use plumbline_video::track::AnalysisWindows;
 
 impl Stage for TrackSettings {
@@ -56,8 +56,8 @@ impl Stage for TrackSettings {
             None => None,
         };
         let (info, carrier) = (clip_info(&video), lens.as_ref().map(Undistorted::carrier));
-        let mut estimators = importance_estimators(context, decode, &video)?;
-        let cached = CachedTracks::of(context, decode, &options);
+        let mut estimators = importance_estimators(context, decode, &video, Some(&options))?;
+        let cached = CachedTracks::of(context, stage, decode, &options);
         // What looks at the pictures themselves needs them.
         let known = match cached.as_ref().filter(|_| estimators.is_empty()) {
             Some(cached) => {
@@ -65,8 +65,8 @@ impl Stage for TrackSettings {
             }
             None => None,
         };
+        let mut whole = true;
         let (motion, tracks) = if let Some(known) = known {
-            context.summary.cached.push("tracks".to_owned());
             known
         } else {
             let mut tracker = ClipTracker::new(&info, &options, carrier)?;
@@ -88,13 +88,14 @@ impl Stage for TrackSettings {
             let warnings = context.summary.warnings.len();
             context.report_damage(&report);
             // Of a damaged clip the decoder has to report each time.
-            if let Some(recording) = recording.filter(|_| context.summary.warnings.len() == warnings) {
+            whole = context.summary.warnings.len() == warnings;
+            if let Some(recording) = recording.filter(|_| whole) {
                 recording.publish(context);
             }
             tracker.finish()?
         };
         for estimator in estimators {
-            estimator.finish(context);
+            estimator.finish(context, whole);
         }
         let motions: Vec<usize> =
             context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
@@ -133,7 +134,7 @@ pub(super) fn hand_on_motion(
     settings: &MotionSettings,
     focal_px: Option<f64>,
 ) -> Result<(), RunError> {
-    complete_motion(&mut motion, tracks, settings, focal_px, &context.job.run())?;
+    with_cameras(context, stage, &mut motion, tracks, settings, focal_px)?;
     let has = |of: fn(&dyn Settings) -> bool| context.job.graph().stages.iter().any(|s| of(s.settings.as_ref()));
     let smoothed = has(|s| s.get::<SmoothSettings>().is_some());
     let bends = has(|s| s.get::<WarpSettings>().is_some()) || !has(|s| s.get::<VideoRetargetSettings>().is_some());
