@@ -11,7 +11,6 @@
 
 use std::io::Write;
 
-use nalgebra::{Quaternion, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use super::{MotionFileError, VERSION, value, write_block};
@@ -21,9 +20,6 @@ use crate::motion::sfm::{SfmFigures, SfmVerdict};
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::document::Kind;
 use plumbline_num::math::Point2;
-
-/// How far the squared length of a quaternion is from 1 at most for it to be left as it is: that of a product of a thousand.
-const UNIT_TOLERANCE: f64 = 1e-12;
 
 /// The blocks, as far as a file has them.
 #[derive(Clone, Debug, Default)]
@@ -226,12 +222,7 @@ impl CameraEntry {
     }
 
     fn camera(&self, shift: f64) -> FrameCamera {
-        let [w, x, y, z] = self.q;
-        let given = Quaternion::new(w, x, y, z);
-        // That of a file of this program comes back bit for bit.
-        let is_unit = (given.norm_squared() - 1.0).abs() < UNIT_TOLERANCE;
-        let normalized = || rotation_of(self.q).expect("checked");
-        let rotation = if is_unit { UnitQuaternion::new_unchecked(given) } else { normalized() };
+        let rotation = rotation_of(self.q).expect("checked");
         let center = Point2::new(self.center[0] + shift, self.center[1] + shift);
         FrameCamera {
             pose: CameraPose { rotation, translation: Vec3::from(self.t) },
@@ -242,6 +233,8 @@ impl CameraEntry {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::UnitQuaternion;
+
     use super::*;
 
     fn cameras() -> ClipCameras {
