@@ -9,7 +9,7 @@ use crate::pipeline::paths::to_path;
 use crate::stages::TrackSettings;
 use plumbline_image::Frame;
 use plumbline_image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
-use plumbline_media::{Ratio, VideoInfo};
+use plumbline_media::{Ratio, VideoInfo, VideoReader};
 use plumbline_num::run::Run;
 use plumbline_photo::temporal::ClipImportance;
 
@@ -73,20 +73,32 @@ impl Stage for VideoImportanceSettings {
         let video = reader.info().clone();
         let mut estimators = importance_estimators(context, decode, &video, None)?;
         estimators.retain(|e| e.stage == stage);
-        if estimators.is_empty() {
-            return Ok(HandedOn);
-        }
-        context.job.progress.begin(context.pass.index, "judge", video.frames_estimate);
-        let report =
-            for_each_frame(context.job, reader, |frame| estimators.iter_mut().try_for_each(|e| e.push(&frame, false)))?;
-        let warnings = context.summary.warnings.len();
-        context.report_damage(&report);
-        let whole = context.summary.warnings.len() == warnings;
-        for estimator in estimators {
-            estimator.finish(context, whole);
-        }
+        estimate(context, reader, estimators, &[])?;
         Ok(HandedOn)
     }
+}
+
+/// Shows the frames of a clip to estimators, if there are any; `cuts`: whether each frame is the first of a shot, where that is known.
+pub(super) fn estimate(
+    context: &mut Context<'_, '_>,
+    reader: VideoReader,
+    mut estimators: Vec<ImportanceEstimator>,
+    cuts: &[bool],
+) -> Result<(), RunError> {
+    if estimators.is_empty() {
+        return Ok(());
+    }
+    context.job.progress.begin(context.pass.index, "judge", reader.info().frames_estimate);
+    let mut cuts = cuts.iter().copied();
+    let report = for_each_frame(context.job, reader, |frame| {
+        let cut = cuts.next().unwrap_or(false);
+        estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
+    })?;
+    let whole = context.report_damage(&report);
+    for estimator in estimators {
+        estimator.finish(context, whole);
+    }
+    Ok(())
 }
 
 /// Moments analyzed per second. Importance is evened out over a second: more would add nothing.

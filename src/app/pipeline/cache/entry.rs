@@ -26,7 +26,7 @@ pub(super) struct Meta {
     pub(super) parts: Map<String, Json>,
     /// The files that the run read which made it, for people.
     pub(super) sources: Vec<String>,
-    /// When it was made, seconds since 1970.
+    /// When it was made, milliseconds since 1970.
     pub(super) made: u64,
     files: Vec<Stored>,
 }
@@ -116,7 +116,7 @@ pub struct NewEntry {
 impl NewEntry {
     pub(super) fn begin(cache: &Cache, key: &Key, sources: Vec<String>) -> io::Result<Self> {
         let folder = tempfile::Builder::new().prefix(super::NEW).tempdir_in(cache.entries_folder())?;
-        let made = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
+        let made = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_millis() as u64);
         let meta = Meta { kind: key.kind.clone(), parts: key.parts.clone(), sources, made, files: Vec::new() };
         Ok(Self { cache: cache.clone(), hash: key.hash.clone(), folder, meta })
     }

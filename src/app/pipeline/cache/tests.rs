@@ -1,6 +1,6 @@
 use std::fs::File;
 
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
 use super::*;
 
@@ -152,9 +152,9 @@ fn a_result_is_explained_by_the_one_that_is_most_like_it() {
         entry.publish().expect("published");
         // As if time had passed.
         let meta = cache.entry_folder(&key.hash).join(META);
-        let text = fs::read_to_string(&meta).expect("read");
-        let at = text.find("\"made\":").expect("a time") + 7;
-        fs::write(&meta, format!("{}{}{}", &text[..at], 1000 + k, &text[at + 10..])).expect("written");
+        let mut json: Json = serde_json::from_slice(&fs::read(&meta).expect("read")).expect("JSON");
+        json["made"] = json!(1000 + k);
+        fs::write(&meta, json.to_string()).expect("written");
     }
     let all = cache.why(&source).expect("read");
     let differences: Vec<Option<Vec<String>>> = all

@@ -101,9 +101,9 @@ impl Known {
     }
 }
 
-fn time(seconds: u64) -> SystemTime {
+fn time(milliseconds: u64) -> SystemTime {
     // A time that no clock has is of a damaged file.
-    UNIX_EPOCH.checked_add(Duration::from_secs(seconds)).unwrap_or(UNIX_EPOCH)
+    UNIX_EPOCH.checked_add(Duration::from_millis(milliseconds)).unwrap_or(UNIX_EPOCH)
 }
 
 /// The parts without objects: what is in one gets a name with a dot. Digests are shortened, for people.

@@ -34,7 +34,7 @@ use crate::pipeline::paths::to_path;
 pub(crate) use cameras::with_cameras;
 pub(crate) use curve::curve_of;
 pub(crate) use importance::importance_slot;
-pub(crate) use tracks::CachedTracks;
+pub(crate) use tracks::{CachedTracks, Recording};
 pub(crate) use weights::weights_of;
 
 /// A kind of result that is kept.

@@ -11,7 +11,7 @@ use crate::stages::TrackSettings;
 use crate::stages::context::Context;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::stabilize::{StabilizeError, Tracks, WindowJoiner};
-use plumbline_video::track::{FrameTracks, WindowTracks};
+use plumbline_video::track::{AnalysisWindows, FrameTracks, WindowTracks};
 
 /// Where the tracks of a clip are, or will be.
 pub(crate) struct CachedTracks(Slot);
@@ -37,7 +37,7 @@ impl CachedTracks {
         slot.map(Self)
     }
 
-    /// The motion and the tracks, joined from the windows; `None` where they are not there.
+    /// The tracks, joined from the windows; `None` where they are not there.
     ///
     /// # Errors
     /// Faults that have nothing to do with the cache.
@@ -45,7 +45,7 @@ impl CachedTracks {
         &self,
         joiner: WindowJoiner<'_>,
         context: &mut Context<'_, '_>,
-    ) -> Result<Option<(ClipMotion, Tracks)>, RunError> {
+    ) -> Result<Option<KnownTracks>, RunError> {
         Ok(self.0.find(context, |entry| joined(entry, joiner)).transpose()?)
     }
 
@@ -61,21 +61,34 @@ impl CachedTracks {
     }
 }
 
-/// The clip of the windows of an entry, or a fault of the clip; otherwise the fault of the entry.
-fn joined(entry: &Entry, mut joiner: WindowJoiner<'_>) -> Result<Result<(ClipMotion, Tracks), StabilizeError>, String> {
+/// The tracks of a clip from the cache.
+pub(crate) struct KnownTracks {
+    pub(crate) motion: ClipMotion,
+    pub(crate) tracks: Tracks,
+    /// Of each frame, whether the tracker took it for the first of a shot.
+    pub(crate) cuts: Vec<bool>,
+}
+
+/// The tracks of the windows of an entry, or a fault of the clip; otherwise the fault of the entry.
+fn joined(entry: &Entry, mut joiner: WindowJoiner<'_>) -> Result<Result<KnownTracks, StabilizeError>, String> {
     if entry.is_empty() {
         return Err("damaged: no window".to_owned());
     }
+    let windows = AnalysisWindows::default();
+    let mut cuts = Vec::new();
     for index in 0..entry.len() {
         let bytes = entry.read(index).map_err(|e| e.to_string())?;
         let window = WindowTracks::read(bytes.as_slice()).map_err(|e| format!("damaged: {e}"))?;
+        // The window that owns a frame decides.
+        let warm_up = windows.owned(index).start - windows.read(index).start;
+        cuts.extend(window.frames.iter().skip(warm_up).map(|frame| frame.quality.starts_shot()));
         match joiner.push(window) {
             Err(StabilizeError::Input(fault)) => return Err(format!("damaged: {fault}")),
             Err(other) => return Ok(Err(other)),
             Ok(()) => {}
         }
     }
-    Ok(joiner.finish())
+    Ok(joiner.finish().map(|(motion, tracks)| KnownTracks { motion, tracks, cuts }))
 }
 
 /// Tracks on their way into the cache.
