@@ -1,6 +1,8 @@
 # The few commands of this project; `make help` lists them. Cargo does the work.
 
 export PATH := $(PATH):$(HOME)/.cargo/bin
+# Nothing that is tested or measured comes from the cache of the user.
+export PLUMBLINE_CACHE :=
 .DEFAULT_GOAL := help
 .PHONY: help demo studio studio-page studio-test test test-long deny memcheck miri soak bench media gallery deps deps-build lint unit oracle engine page-if-possible
 

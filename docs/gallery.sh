@@ -11,6 +11,7 @@ font=/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
+export PLUMBLINE_CACHE=
 
 # The background of every picture, and of what lies between two.
 paper=0xF4F5F7

@@ -16,6 +16,7 @@ use plumbline::num::math::Point2;
 use plumbline::num::run::Run;
 use plumbline::num::sparse::{Method, Ordering, read_matrix_market, write_matrix_market};
 use plumbline::photo::marks::{FacesFile, LinesFile};
+use plumbline::photo::temporal::ClipImportance;
 use plumbline::shape::character::io::{
     Rig, bvh_text, character_of, parse_anim, parse_bvh, parse_skel, parse_tgf, tgf_text,
 };
@@ -29,8 +30,8 @@ use plumbline::shape::morph::composition::SeamFile;
 use plumbline::shape::morph::correspondence::Landmarks;
 use plumbline::shape::morph::paint::Paint;
 use plumbline::shape::surface::handle_file::HandleFile;
-use plumbline::video::motion::ClipMotion;
 use plumbline::video::motion::exchange::colmap;
+use plumbline::video::motion::{ClipCameras, ClipMotion};
 use plumbline::video::stabilize::PathFile;
 use plumbline::video::track::{AnalysisWindows, TrackJoiner, WindowTracks};
 
@@ -60,6 +61,18 @@ pub fn window_file(bytes: &[u8]) {
         }
     }
     joiner.finish().for_each(drop);
+}
+
+/// A file of cameras, or of the importance of a clip, of any bytes is refused or read, never a panic; what was read is written as it was.
+pub fn kept_file(bytes: &[u8]) {
+    if let Ok(cameras) = ClipCameras::from_json(&String::from_utf8_lossy(bytes)) {
+        let text = cameras.to_json().expect("what was read is finite");
+        assert_eq!(ClipCameras::from_json(&text).expect("own files are read"), cameras);
+        let _ = (0..=cameras.frames.len()).filter(|frame| cameras.is_rotation_only(*frame)).count();
+    }
+    if let Some(importance) = ClipImportance::from_bytes(bytes) {
+        assert_eq!(importance.to_bytes(), bytes);
+    }
 }
 
 /// A clip of any bytes is refused or read, never a panic or a hang. What is read is encoded with everything else of it copied,

@@ -20,6 +20,9 @@ os.environ["OMP_NUM_THREADS"] = "1"
 import bpy  # noqa: E402
 import numpy as np  # noqa: E402
 
+# What is measured is computed.
+os.environ["PLUMBLINE_CACHE"] = ""
+
 
 def read_off(path):
     words = path.read_text().split()

@@ -18,6 +18,7 @@ filled samples that have one. Needs ffmpeg, OpenCV, OpenEXR and NumPy.
 """
 
 import argparse
+import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -25,6 +26,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import OpenEXR
+
+# What is measured is computed.
+os.environ["PLUMBLINE_CACHE"] = ""
 
 BLACK = 18  # luma up to which an area that touches the edge counts as not covered; black is 16
 RIM_PX = 8  # beside it kernels and feathers mix in the border

@@ -31,6 +31,9 @@ import numpy as np  # noqa: E402
 
 import _skins  # noqa: E402
 
+# What is measured is computed.
+os.environ["PLUMBLINE_CACHE"] = ""
+
 
 def linear(V, W, M):
     """Positions by libigl's linear blend, and CPU seconds of one pose, the matrix of the weights being ready."""

@@ -183,6 +183,23 @@ fn no_motion_file_makes_the_reader_panic() {
 }
 
 #[test]
+fn no_file_of_cameras_or_of_importance_makes_its_reader_panic() {
+    let camera = r#"{"q":[0.8,0.0,0.6,0.0],"t":[0.1,2.5,-3.0],"focal":600.0,"center":[320.0,180.0],"k1":-0.01}"#;
+    let point = r#"{"shot":0,"id":7,"at":[0.5,1.0,3.0]}"#;
+    let figures = serde_json::to_string(&plumbline::video::motion::sfm::SfmFigures::default()).expect("plain data");
+    let shot = format!(r#"{{"frames":[0,2],"verdict":"3d","reason":"seen","figures":{figures}}}"#);
+    let cameras = format!(
+        r#"{{"format":"plumbline.cameras","version":1,"cameras":[{camera},null],"points":[{point}],"reconstruction":[{shot}]}}"#
+    );
+    plumbline::video::motion::ClipCameras::from_json(&cameras).expect("a file of cameras");
+    let mut importance = plumbline::photo::temporal::ClipImportance::new((64, 48));
+    for frame in [0, 5] {
+        importance.push(frame, &plumbline::image::feature::Importance::even());
+    }
+    hammer_times(FEW_ROUNDS, &[cameras.into_bytes(), importance.to_bytes()], bodies::kept_file, 61);
+}
+
+#[test]
 fn no_window_file_makes_the_reader_or_the_joiner_panic() {
     let tracks = |k: u16| {
         let at = |id: u32| Observation { id, x: (id * 9 % 60) as f32, y: 0.5 * f32::from(k), background: true };

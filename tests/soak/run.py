@@ -17,6 +17,9 @@ import tempfile
 import threading
 import time
 
+# What is measured is computed.
+os.environ["PLUMBLINE_CACHE"] = ""
+
 MEDIA = pathlib.Path(__file__).resolve().parents[2] / "media"
 # A texture that moves as a hand would move it (see `shaky` in tests/it/support/clips.rs).
 TEXTURE = ("nullsrc=s=440x300:r=25:d=0.04,geq=lum='random(1)*255':cb='128+60*sin(X/40)':cr='128+60*cos(Y/30)',"

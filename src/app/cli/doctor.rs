@@ -6,6 +6,10 @@ use std::path::Path;
 
 use super::print;
 use crate::pipeline::Exit;
+use crate::pipeline::cache::Cache;
+use crate::pipeline::memory::human_bytes;
+use crate::pipeline::options::RunSettings;
+use crate::pipeline::paths::to_path;
 use plumbline_media::{Codec, FfmpegBuild, encoders};
 
 /// Limits of a process that runs have met, by their names in `/proc/self/limits`.
@@ -13,8 +17,17 @@ const LIMITS: [&str; 6] =
     ["Max address space", "Max data size", "Max processes", "Max open files", "Max file size", "Max stack size"];
 
 /// Variables that change what the program does.
-const VARIABLES: [&str; 8] =
-    ["PLUMBLINE_LOG", "TMPDIR", "LANG", "LC_ALL", "NO_COLOR", "TERM", "RAYON_NUM_THREADS", "LD_LIBRARY_PATH"];
+const VARIABLES: [&str; 9] = [
+    "PLUMBLINE_LOG",
+    "PLUMBLINE_CACHE",
+    "TMPDIR",
+    "LANG",
+    "LC_ALL",
+    "NO_COLOR",
+    "TERM",
+    "RAYON_NUM_THREADS",
+    "LD_LIBRARY_PATH",
+];
 
 /// Prints the report.
 pub(super) fn run() -> Exit {
@@ -41,6 +54,7 @@ fn report() -> String {
     }
     line("fonts", "none used: texts in pictures are drawn by the program itself");
     line("temporary", &temporary());
+    line("cache", &cache());
     for (name, limit) in limits() {
         line("limit", &format!("{name}: {limit}"));
     }
@@ -78,6 +92,18 @@ fn temporary() -> String {
         Ok(_) => format!("{}, files can be made", folder.display()),
         Err(error) => format!("{}, no file can be made: {error}", folder.display()),
     }
+}
+
+/// The folder of the cache, and whether it can be used.
+fn cache() -> String {
+    let Some(used) = RunSettings::default().cache_use() else { return "none".to_owned() };
+    let folder = to_path(&used.folder);
+    let state = match Cache::existing(&folder, false).and_then(|cache| cache.map(|cache| cache.usage()).transpose()) {
+        Ok(None) => "nothing in it yet".to_owned(),
+        Ok(Some(usage)) => format!("{} results, {}", usage.entries, human_bytes(usage.bytes)),
+        Err(error) => format!("not used: {error}"),
+    };
+    format!("{}, {state}", folder.display())
 }
 
 /// Name and value of each limit of this process; none where the system does not show them.

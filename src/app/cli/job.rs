@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
@@ -34,12 +34,50 @@ pub(super) struct JobArgs {
     /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
     #[arg(long = "allow-path", value_name = "DIR")]
     allow_paths: Vec<PathBuf>,
-    /// Folder of a cache of what was computed before, such as the tracks of a clip; the variable PLUMBLINE_CACHE names one as well
-    #[arg(long, value_name = "DIR")]
-    cache: Option<PathBuf>,
+    #[command(flatten)]
+    cache: UseCacheArgs,
     /// Form of the progress messages
     #[arg(long, value_enum, default_value_t, value_name = "HOW")]
     progress: ProgressMode,
+}
+
+/// Options for what was computed before.
+#[derive(Debug, Args)]
+pub(super) struct UseCacheArgs {
+    /// Folder of the cache of what was computed before, such as the tracks of a clip; the one that the variable PLUMBLINE_CACHE
+    /// names, or the user's usual one, if left out
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
+    /// Take nothing from a cache, and store nothing
+    #[arg(long, conflicts_with_all = ["cache", "trust_cache", "force"])]
+    no_cache: bool,
+    /// Use a cache that belongs to another user, or that others may write to
+    #[arg(long)]
+    trust_cache: bool,
+    /// Compute this anew, and store it: a result, such as tracks, or a stage, by name or kind; may be repeated
+    #[arg(long, value_name = "STAGE")]
+    force: Vec<String>,
+}
+
+impl UseCacheArgs {
+    /// What is computed anew, as an assignment of a pipeline's setting, which is checked with the pipeline.
+    pub(super) fn forced(&self) -> Option<String> {
+        (!self.force.is_empty()).then(|| format!("run.force={}", serde_json::json!(self.force)))
+    }
+
+    /// Adds what the options say to the settings of a run.
+    pub(super) fn apply(&self, run: &mut RunSettings, text: impl Fn(&Path) -> String) {
+        if self.no_cache {
+            run.cache = Some(String::new());
+        }
+        if let Some(folder) = &self.cache {
+            run.cache = Some(text(folder));
+        }
+        run.trust_cache |= self.trust_cache;
+        if !self.force.is_empty() {
+            run.force.clone_from(&self.force);
+        }
+    }
 }
 
 /// Options for running a job again, or its rest.
@@ -93,7 +131,7 @@ impl JobArgs {
     /// The pipeline of a command, and how it runs.
     pub(super) fn complete(&self, command: &dyn BuildsPipeline) -> Result<PipelineFile, Failure> {
         let AgainArgs { existing, overwrite, .. } = self.again;
-        let run = RunSettings {
+        let mut run = RunSettings {
             threads: self.threads,
             existing,
             overwrite,
@@ -101,8 +139,9 @@ impl JobArgs {
             strict: false,
             progress: self.progress,
             allow_paths: self.allow_paths.iter().map(|folder| literal_path(folder)).collect(),
-            cache: self.cache.as_deref().map(literal_path),
+            ..RunSettings::default()
         };
+        self.cache.apply(&mut run, literal_path);
         Ok(PipelineFile { run: entries_of(&run, &RunSettings::default()), ..command.pipeline()? })
     }
 }

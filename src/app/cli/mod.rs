@@ -177,7 +177,7 @@ enum ToolCommand {
     Plan(plan::PlanArgs),
     /// Do one task of a plan, for an engine that hands them out
     Task(task::TaskArgs),
-    /// Show what a cache holds, or remove it
+    /// Show what the cache holds and why, or remove it
     Cache(cache::CacheArgs),
     /// Draw the stages of a pipeline
     Graph(graph::GraphArgs),

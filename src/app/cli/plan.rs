@@ -8,6 +8,7 @@ use clap::{Args, Subcommand};
 use super::failure::Failure;
 use super::session::Session;
 use super::{PipelineArgs, print};
+use crate::pipeline::cache::digest_of_file;
 use crate::pipeline::memory::human_bytes;
 use crate::pipeline::plan::temporary_space;
 use crate::pipeline::progress::up_to_date_line;
@@ -30,6 +31,10 @@ pub(super) struct PlanArgs {
     /// The folder that the paths of the tasks start from, which all machines have; the working directory if left out
     #[arg(long, value_name = "DIR", requires = "json")]
     root: Option<PathBuf>,
+    /// Also state the contents of the inputs, so that a copy with another time counts as unchanged; reads every input, except those
+    /// that the cache knows
+    #[arg(long, requires = "json")]
+    digests: bool,
     /// Write the tasks to a file instead
     #[arg(short, long, value_name = "FILE.json", requires = "json")]
     output: Option<PathBuf>,
@@ -58,7 +63,7 @@ impl PlanArgs {
     pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
         match (self.command, self.pipeline) {
             (Some(PlanCommand::Export(args)), _) => args.run(),
-            (None, Some(args)) if self.json => args.tasks(self.root, self.output, session),
+            (None, Some(args)) if self.json => args.tasks(self.root, self.output, self.digests, session),
             (None, Some(args)) => args.passes(session),
             (None, None) => Err(Failure::usage("give a pipeline file, or the name of a shipped one")),
         }
@@ -67,11 +72,25 @@ impl PlanArgs {
 
 impl PipelineArgs {
     /// Prints or writes the tasks.
-    fn tasks(&self, root: Option<PathBuf>, output: Option<PathBuf>, session: &Session<'_>) -> Result<Exit, Failure> {
+    fn tasks(
+        &self,
+        root: Option<PathBuf>,
+        output: Option<PathBuf>,
+        digests: bool,
+        session: &Session<'_>,
+    ) -> Result<Exit, Failure> {
         let pipeline = self.read()?;
         let instances = pipeline.instances()?;
         let root = root.unwrap_or_else(|| PathBuf::from("."));
-        let text = TaskPlan::of(&pipeline, &instances, &root, session.runner)?.to_text()?;
+        let mut plan = TaskPlan::of(&pipeline, &instances, &root, session.runner)?;
+        if digests {
+            // Without a cache, every file is read.
+            let cache = pipeline.run.cache_use().and_then(|used| used.open().ok());
+            plan.state_contents(&root, |path| {
+                cache.as_ref().map_or_else(|| digest_of_file(path), |cache| cache.digest_of(path))
+            })?;
+        }
+        let text = plan.to_text()?;
         match output {
             Some(path) => write_whole(&path, text, IfExists::Replace)?,
             None => print(&text),

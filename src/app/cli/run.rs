@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 
 use super::engine::EngineArgs;
 use super::failure::Failure;
-use super::job::{AgainArgs, JobArgs};
+use super::job::{AgainArgs, JobArgs, UseCacheArgs};
 use super::session::{RESULTS, Session, Verbosity};
 use super::{PipelineArgs, print, worker};
 use crate::pipeline::execute::{Backend, Report, execute};
@@ -37,9 +37,8 @@ pub(super) struct RunArgs {
     /// Also open files of this folder that an input names, such as buffers of glTF; may be repeated
     #[arg(long = "allow-path", value_name = "DIR")]
     allow_paths: Vec<PathBuf>,
-    /// Folder of a cache of what was computed before, such as the tracks of a clip; the variable PLUMBLINE_CACHE names one as well
-    #[arg(long, value_name = "DIR")]
-    cache: Option<PathBuf>,
+    #[command(flatten)]
+    cache: UseCacheArgs,
     /// Losses are errors, not warnings: a clip that is cut short, a stream that a container cannot store
     #[arg(long)]
     strict: bool,
@@ -58,14 +57,12 @@ impl RunArgs {
         let existing = self.again.existing().and_then(|how| how.to_possible_value());
         let existing = existing.map(|how| format!("run.existing={}", how.get_name()));
         let strict = self.strict.then(|| "run.strict=true".to_owned());
-        self.pipeline.set.extend([jobs, threads, existing, strict].into_iter().flatten());
+        self.pipeline.set.extend([jobs, threads, existing, strict, self.cache.forced()].into_iter().flatten());
         let mut pipeline = self.pipeline.read()?;
         pipeline.run.progress = self.progress.unwrap_or(pipeline.run.progress);
         let allowed = self.allow_paths.iter().map(|folder| folder.to_string_lossy().into_owned());
         pipeline.run.allow_paths.extend(allowed);
-        if let Some(folder) = &self.cache {
-            pipeline.run.cache = Some(to_text(folder));
-        }
+        self.cache.apply(&mut pipeline.run, |folder| to_text(folder));
         if self.print_pipeline {
             print(&file_text(&pipeline.file));
             return Ok(Exit::Done);

@@ -6,7 +6,9 @@ use super::failure::Failure;
 use super::print;
 use super::session::Session;
 use crate::pipeline::Exit;
+use crate::pipeline::options::RunSettings;
 use crate::pipeline::solve::{SolveJob, solve};
+use crate::pipeline::threads::pool;
 
 /// Options of `plumbline solve`.
 #[derive(Debug, Args)]
@@ -17,7 +19,9 @@ pub(super) struct SolveArgs {
 
 impl SolveArgs {
     pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
-        print(&solve(&self.job, &session.interrupt.run())?);
+        let run = session.interrupt.run();
+        let pool = pool(RunSettings::default().thread_count())?;
+        print(&pool.install(|| solve(&self.job, &run))?);
         Ok(Exit::Done)
     }
 }

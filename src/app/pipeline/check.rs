@@ -16,6 +16,7 @@ use super::reference::{Item, Resolved, Scope, resolve};
 use super::settings::{Checked, Expected, check_table};
 use super::syntax::{Entry, Node, Source, Sources, Span, Value};
 use super::{overrides, suggest};
+use crate::stages::kept::RESULTS;
 
 /// A pipeline without faults.
 #[derive(Clone, Debug)]
@@ -74,6 +75,7 @@ fn check_with(file: PipelineFile, mut problems: Vec<Problem>) -> Result<Pipeline
     let batch = file.batch.as_ref().map(|entries| batch(entries, &file, &scope, &mut problems));
     check_item_use(&file, &mut problems);
     let graph = connect(&file, prepared, &mut problems);
+    check_force(run.as_ref(), &graph, &file, &mut problems);
     match (problems.is_empty(), run) {
         (true, Some(run)) => Ok(Pipeline { run, batch: batch.flatten(), graph, file }),
         _ => Err(Problems::new(problems, file.sources)),
@@ -255,6 +257,29 @@ fn check_existing(run: Option<&RunSettings>, file: &PipelineFile, problems: &mut
             )
             .label(span, "here")
             .help("leave one of them out"),
+        );
+    }
+}
+
+/// What is computed anew must be something that the pipeline keeps.
+fn check_force(run: Option<&RunSettings>, graph: &Graph, file: &PipelineFile, problems: &mut Vec<Problem>) {
+    let known = |name: &String| {
+        RESULTS.iter().any(|result| name == result.name || name == result.stage)
+            || graph.stages.iter().any(|stage| *name == stage.name || name == stage.kind.name)
+    };
+    for name in run.iter().flat_map(|run| &run.force).filter(|name| !known(name)) {
+        let span = file.run.iter().find(|e| e.key == "force").and_then(|e| e.node.span);
+        let results: Vec<&str> = RESULTS.iter().map(|result| result.name).collect();
+        problems.push(
+            Problem::new(
+                "bad-value",
+                format!("`force` of [run] names `{name}`, which is neither a result nor a stage"),
+            )
+            .label(span, "here")
+            .help(format!(
+                "results that are kept: {}; or name a stage of the pipeline, or its kind",
+                results.join(", ")
+            )),
         );
     }
 }

@@ -311,7 +311,7 @@ impl Executor<'_> {
             overwrite,
             strict: self.run.strict || instance.is_strict(),
             allow_paths: self.run.allowed_folders(),
-            cache: self.run.cache_folder().into_iter().collect(),
+            cache: self.run.cache_use(),
         };
         let record = self.records.as_ref().and_then(|records| records.begin(instance));
         let publishing = |file: &Path, target: &Path| {

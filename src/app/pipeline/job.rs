@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use super::batch::Instance;
+use super::cache::CacheUse;
 use super::graph::{Edge, Graph};
 use super::memory::ClipShape;
 use super::paths::as_texts;
@@ -30,8 +31,8 @@ pub struct Job<'a> {
     pub overwrite: bool,
     /// Folders of files that an input may name, besides its own.
     pub allow_paths: &'a [PathBuf],
-    /// Folder of the cache of what was computed before.
-    pub cache: Option<&'a Path>,
+    /// The cache of what was computed before.
+    pub cache: Option<&'a CacheUse>,
     /// What would be lost without a word more than a warning is an error: a clip that is cut short, a stream that cannot be kept.
     pub strict: bool,
     /// Where to report frames done.
@@ -57,9 +58,8 @@ pub struct JobOptions {
     /// See [`Job::allow_paths`].
     #[serde(with = "as_texts")]
     pub allow_paths: Vec<PathBuf>,
-    /// See [`Job::cache`]: one folder or none.
-    #[serde(default, with = "as_texts")]
-    pub cache: Vec<PathBuf>,
+    /// See [`Job::cache`].
+    pub cache: Option<CacheUse>,
 }
 
 impl<'a> Job<'a> {
@@ -72,8 +72,7 @@ impl<'a> Job<'a> {
         publishing: Option<&'a Publishing<'a>>,
     ) -> Self {
         let JobOptions { threads, overwrite, strict, ref allow_paths, ref cache } = *options;
-        let cache = cache.first().map(PathBuf::as_path);
-        Self { instance, threads, overwrite, allow_paths, cache, strict, progress, cancel, publishing }
+        Self { instance, threads, overwrite, allow_paths, cache: cache.as_ref(), strict, progress, cancel, publishing }
     }
 }
 

@@ -6,7 +6,8 @@ use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::paths::to_path;
+use super::cache::{Cache, CacheUse};
+use super::paths::to_text;
 
 /// How progress is reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
@@ -53,10 +54,14 @@ pub struct RunSettings {
     /// Folders of files that an input may name, such as the buffers of a glTF file, besides the folder of the input itself
     #[schemars(extend("format" = "path"))]
     pub allow_paths: Vec<String>,
-    /// Folder of a cache of what was computed before, such as the tracks of a clip; none if left out, unless the variable
-    /// PLUMBLINE_CACHE names one
+    /// Folder of the cache of what was computed before, such as the tracks of a clip; "" for none; the one that the variable
+    /// PLUMBLINE_CACHE names, or the user's usual one, if left out
     #[schemars(extend("format" = "path"))]
     pub cache: Option<String>,
+    /// The cache may be one that others may write to
+    pub trust_cache: bool,
+    /// What is computed anew though it is in the cache: results, such as "tracks", or stages, by name or kind
+    pub force: Vec<String>,
 }
 
 impl RunSettings {
@@ -80,11 +85,13 @@ impl RunSettings {
         }
     }
 
-    /// The folder of the cache; `None`: nothing is cached.
-    pub fn cache_folder(&self) -> Option<PathBuf> {
-        let named =
-            self.cache.as_deref().map(to_path).or_else(|| std::env::var_os("PLUMBLINE_CACHE").map(PathBuf::from));
-        named.filter(|folder| !folder.as_os_str().is_empty())
+    /// The cache; `None`: nothing is cached.
+    pub fn cache_use(&self) -> Option<CacheUse> {
+        let variable = || std::env::var_os("PLUMBLINE_CACHE").map(to_text);
+        let named = self.cache.clone().or_else(variable);
+        let folder =
+            named.clone().or_else(|| Cache::usual_folder().map(to_text)).filter(|folder| !folder.is_empty())?;
+        Some(CacheUse { folder, named: named.is_some(), trusted: self.trust_cache, force: self.force.clone() })
     }
 
     /// Folders of files that an input may name, besides its own.

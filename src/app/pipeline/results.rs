@@ -4,7 +4,7 @@
 //! { "format": "plumbline.results", "version": 1, "program": "0.1.0", "exit_code": 3, "seconds": 12.3,
 //!   "done": 1, "up_to_date": 0, "failed": 1, "not_started": 0,
 //!   "items": [ { "key": "a", "input": "clips/a.mp4", "status": "failed", "exit_code": 65, "error": "…",
-//!                "outputs": [], "seconds": 0.0, "warnings": [] } ] }
+//!                "outputs": [], "seconds": 0.0, "cached": [], "warnings": [] } ] }
 //! ```
 
 use std::collections::HashSet;
@@ -54,6 +54,9 @@ pub struct ItemResult {
     pub outputs: Vec<String>,
     /// Wall time.
     pub seconds: f64,
+    /// What of it came from the cache.
+    #[serde(default)]
+    pub cached: Vec<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
@@ -164,6 +167,7 @@ impl ItemResult {
             error: None,
             outputs: Vec::new(),
             seconds: 0.0,
+            cached: Vec::new(),
             warnings: Vec::new(),
         };
         match result {
@@ -173,6 +177,7 @@ impl ItemResult {
                 out.exit_code = Some(Exit::Done as u8);
                 out.outputs = summary.outputs.iter().map(to_text).collect();
                 out.seconds = summary.seconds;
+                out.cached.clone_from(&summary.cached);
                 out.warnings.clone_from(&summary.warnings);
             }
             Some(Err(error)) => {

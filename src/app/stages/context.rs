@@ -88,8 +88,9 @@ impl Context<'_, '_> {
         }
     }
 
-    /// Reports damage that was found while reading.
-    pub(crate) fn report_damage(&mut self, report: &ReadReport) {
+    /// Reports damage that was found while reading; whether there was none, nor anything else to report.
+    pub(crate) fn report_damage(&mut self, report: &ReadReport) -> bool {
+        let mut whole = true;
         let found = [
             (report.bad_packets, "damaged packets", "skipped"),
             (report.corrupt, "frames with damage", "concealed"),
@@ -99,9 +100,11 @@ impl Context<'_, '_> {
             (report.deinterlaced, "interlaced frames", "deinterlaced"),
         ];
         for (count, what, done) in found.into_iter().filter(|(count, ..)| *count > 0) {
+            whole = false;
             self.warn(format!("{what}: {count}, {done}"));
         }
         if let Some(order) = report.unflagged_fields {
+            whole = false;
             let word = if order == FieldOrder::BottomFirst { "bottom" } else { "top" };
             self.warn(format!(
                 "the pictures look interlaced, the {word} field first, though the file does not say so; if they show combs, \
@@ -109,9 +112,11 @@ impl Context<'_, '_> {
             ));
         }
         if let Some(shortfall) = report.shortfall() {
+            whole = false;
             self.warn(shortfall);
             self.summary.cut_short = true;
         }
+        whole
     }
 }
 

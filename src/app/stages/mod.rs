@@ -20,6 +20,7 @@ mod image_load;
 mod image_map_export;
 mod image_render;
 mod image_save;
+pub(crate) mod kept;
 mod lens_undistort;
 mod lines_detect;
 mod lines_load;

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::files::write_whole;
+use super::kept::curve_of;
 use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::job::Job;
@@ -82,32 +83,11 @@ impl Stage for SkeletonExtractSettings {
     fn run(&self, (posed,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let mesh = posed.mesh()?;
         let options = ExtractionOptions { keep: keep(self, &mesh, context)?, ..self.options.clone() };
-        let folder = self.contraction_frames.as_deref().map(to_path);
-        let mut failed = None;
-        let mut frames = Vec::new();
-        let job = context.job;
-        let mut observer = |step: &ContractionStep<'_>| {
-            if job.check_cancel().is_err() {
-                return ControlFlow::Break(());
-            }
-            let Some(folder) = &folder else { return ControlFlow::Continue(()) };
-            let path = folder.join(format!("part{:03}_round{:03}.obj", step.part, step.iteration));
-            match write_frame(&path, step, context.job) {
-                Ok(()) => frames.push(path),
-                Err(error) => {
-                    failed = Some(error);
-                    return ControlFlow::Break(());
-                }
-            }
-            ControlFlow::Continue(())
+        let (curve, report) = match self.contraction_frames.as_deref().map(to_path) {
+            None => curve_of(context, &mesh, &options, |context| extracted(context, &mesh, &options, None))?,
+            // The contraction itself is asked for.
+            Some(folder) => extracted(context, &mesh, &options, Some(&folder))?,
         };
-        let found = extract(&mesh, &options, &mut observer, &context.job.run());
-        if let Some(error) = failed {
-            return Err(error);
-        }
-        let (curve, report) = found?;
-        context.job.check_cancel()?;
-        context.summary.outputs.extend(frames);
         warn_of_bounds(context, &report);
         let rig = rig(context, &curve, &report, self)?;
         if let Some(path) = &self.path.as_deref().map(to_path) {
@@ -116,6 +96,41 @@ impl Stage for SkeletonExtractSettings {
         }
         Ok((Arc::new(rig), Written))
     }
+}
+
+/// The curve of a surface; the steps of its contraction go to `folder`.
+fn extracted(
+    context: &mut Context<'_, '_>,
+    mesh: &TriMesh,
+    options: &ExtractionOptions,
+    folder: Option<&Path>,
+) -> Result<(CurveSkeleton, ExtractionReport), RunError> {
+    let job = context.job;
+    let mut failed = None;
+    let mut frames = Vec::new();
+    let mut observer = |step: &ContractionStep<'_>| {
+        if job.check_cancel().is_err() {
+            return ControlFlow::Break(());
+        }
+        let Some(folder) = folder else { return ControlFlow::Continue(()) };
+        let path = folder.join(format!("part{:03}_round{:03}.obj", step.part, step.iteration));
+        match write_frame(&path, step, job) {
+            Ok(()) => frames.push(path),
+            Err(error) => {
+                failed = Some(error);
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    };
+    let found = extract(mesh, options, &mut observer, &job.run());
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    let found = found?;
+    job.check_cancel()?;
+    context.summary.outputs.extend(frames);
+    Ok(found)
 }
 
 /// Warns of what has no curve, and of a curve that is coarser than usual.

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use super::kept::weights_of;
 use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::paths::to_path;
 use plumbline_shape::character::WeightsFile;
 use plumbline_shape::character::io::Rig;
-use plumbline_shape::character::weights::{WeightOptions, WeightReport, bone_weights};
+use plumbline_shape::character::weights::{WeightOptions, WeightReport};
 
 /// Settings of `skin.weights`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,7 +43,7 @@ impl Stage for SkinWeightsSettings {
         let mesh = posed.mesh()?;
         let options = &self.options;
         context.job.check_cancel()?;
-        let (weights, report) = bone_weights(&mesh, skeleton, options, &context.job.run())?;
+        let (weights, report) = weights_of(context, &mesh, skeleton, options)?;
         warn(context, &report, |j| skeleton.joints()[j as usize].name.clone());
         if let Some(surface) = &mut context.summary.surface {
             let joints = skeleton.joint_count();

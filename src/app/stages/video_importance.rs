@@ -2,13 +2,14 @@
 //! tracked or in a pass of its own.
 
 use super::clip::stream::for_each_frame;
+use super::kept::{Slot, importance_slot};
 use super::photo::painted_mask;
 use super::prelude::*;
 use crate::pipeline::paths::to_path;
 use crate::stages::TrackSettings;
 use plumbline_image::Frame;
 use plumbline_image::feature::{Face, FaceDetector, FaceOptions, Importance, ImportanceOptions};
-use plumbline_media::{Ratio, VideoInfo};
+use plumbline_media::{Ratio, VideoInfo, VideoReader};
 use plumbline_num::run::Run;
 use plumbline_photo::temporal::ClipImportance;
 
@@ -70,17 +71,34 @@ impl Stage for VideoImportanceSettings {
         }
         let (_, reader) = context.open(decode)?;
         let video = reader.info().clone();
-        let mut estimators = importance_estimators(context, decode, &video)?;
+        let mut estimators = importance_estimators(context, decode, &video, None)?;
         estimators.retain(|e| e.stage == stage);
-        context.job.progress.begin(context.pass.index, "judge", video.frames_estimate);
-        let report =
-            for_each_frame(context.job, reader, |frame| estimators.iter_mut().try_for_each(|e| e.push(&frame, false)))?;
-        context.report_damage(&report);
-        for estimator in estimators {
-            estimator.finish(context);
-        }
+        estimate(context, reader, estimators, &[])?;
         Ok(HandedOn)
     }
+}
+
+/// Shows the frames of a clip to estimators, if there are any; `cuts`: whether each frame is the first of a shot, where that is known.
+pub(super) fn estimate(
+    context: &mut Context<'_, '_>,
+    reader: VideoReader,
+    mut estimators: Vec<ImportanceEstimator>,
+    cuts: &[bool],
+) -> Result<(), RunError> {
+    if estimators.is_empty() {
+        return Ok(());
+    }
+    context.job.progress.begin(context.pass.index, "judge", reader.info().frames_estimate);
+    let mut cuts = cuts.iter().copied();
+    let report = for_each_frame(context.job, reader, |frame| {
+        let cut = cuts.next().unwrap_or(false);
+        estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
+    })?;
+    let whole = context.report_damage(&report);
+    for estimator in estimators {
+        estimator.finish(context, whole);
+    }
+    Ok(())
 }
 
 /// Moments analyzed per second. Importance is evened out over a second: more would add nothing.
@@ -110,6 +128,8 @@ pub(super) struct ImportanceEstimator {
     stride: usize,
     seen: usize,
     moments: usize,
+    /// Where the result is kept.
+    slot: Option<Slot>,
 }
 
 impl ImportanceEstimator {
@@ -127,6 +147,7 @@ impl ImportanceEstimator {
             stride: ((rate / PER_SECOND).round() as usize).max(1),
             seen: 0,
             moments: 0,
+            slot: None,
         })
     }
 
@@ -152,26 +173,42 @@ impl ImportanceEstimator {
         Ok(())
     }
 
-    /// Hands the result on.
-    pub(super) fn finish(self, context: &mut Context<'_, '_>) {
-        let Self { stage, importance, video, .. } = self;
+    /// Hands the result on; `whole`: the clip is not damaged, so that the result may be kept.
+    pub(super) fn finish(self, context: &mut Context<'_, '_>, whole: bool) {
+        let Self { stage, importance, video, slot, .. } = self;
+        if let Some(slot) = slot.filter(|_| whole) {
+            slot.keep(context, &importance);
+        }
         context.values.put(stage, "importance", EstimatedImportance { importance, video });
     }
 }
 
-/// The `video.importance` stages of this pass that take the pictures of decode stage `decode`.
+/// What is left to estimate for the `video.importance` stages of this pass that take the pictures of decode stage `decode`; results
+/// that are kept are handed on. Cuts are found by `tracker`, if there is one.
 pub(super) fn importance_estimators(
-    context: &Context<'_, '_>,
+    context: &mut Context<'_, '_>,
     decode: usize,
     video: &VideoInfo,
+    tracker: Option<&TrackSettings>,
 ) -> Result<Vec<ImportanceEstimator>, RunError> {
-    let settings = |s: usize| context.stage(s).settings.clone();
     let mut found = Vec::new();
-    for &stage in &context.pass.stages {
-        if let Some(own) = settings(stage).get::<VideoImportanceSettings>()
-            && context.edge(stage, "frames").is_some_and(|e| e.from == decode)
-        {
-            found.push(ImportanceEstimator::new(stage, own, video)?);
+    let pass = context.pass;
+    for &stage in &pass.stages {
+        let settings = context.stage(stage).settings.clone();
+        let Some(own) = settings.get::<VideoImportanceSettings>() else { continue };
+        if context.edge(stage, "frames").is_none_or(|e| e.from != decode) {
+            continue;
+        }
+        let mut estimator = ImportanceEstimator::new(stage, own, video)?;
+        estimator.slot = importance_slot(context, stage, decode, own, tracker);
+        let size = (video.width, video.height);
+        let fits = |known: &ClipImportance| known.is_of(size);
+        match estimator.slot.as_ref().and_then(|slot| slot.take(context, fits)) {
+            Some(importance) => {
+                let video = video.clone();
+                context.values.put(stage, "importance", EstimatedImportance { importance, video });
+            }
+            None => found.push(estimator),
         }
     }
     Ok(found)

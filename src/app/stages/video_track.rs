@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use super::clip::cached_tracks::CachedTracks;
 use super::clip::stream::for_each_frame;
 use super::clip::summary::shot_segment;
+use super::kept::{CachedTracks, Recording, with_cameras};
 use super::lens_undistort::Undistorted;
 use super::prelude::*;
-use super::video_importance::importance_estimators;
+use super::video_importance::{ImportanceEstimator, estimate, importance_estimators};
 use crate::pipeline::kind::Settings;
 use crate::pipeline::paths::unescaped;
 use crate::stages::{MotionSettings, SmoothSettings, VideoRetargetSettings, WarpSettings};
-use plumbline_media::{Input, Ratio, VideoInfo};
+use plumbline_media::{Input, Ratio, VideoInfo, VideoReader};
 use plumbline_video::motion::ClipMotion;
 pub use plumbline_video::stabilize::TrackingOptions as TrackSettings;
-use plumbline_video::stabilize::{ClipInfo, ClipTracker, Tracks, WindowJoiner, complete_motion};
+use plumbline_video::stabilize::{ClipInfo, ClipTracker, Tracks, WindowJoiner};
 use plumbline_video::track::AnalysisWindows;
 
 impl Stage for TrackSettings {
@@ -56,46 +56,22 @@ impl Stage for TrackSettings {
             None => None,
         };
         let (info, carrier) = (clip_info(&video), lens.as_ref().map(Undistorted::carrier));
-        let mut estimators = importance_estimators(context, decode, &video)?;
-        let cached = CachedTracks::of(context, decode, &options);
-        // What looks at the pictures themselves needs them.
-        let known = match cached.as_ref().filter(|_| estimators.is_empty()) {
+        let estimators = importance_estimators(context, decode, &video, Some(&options))?;
+        let cached = CachedTracks::of(context, stage, decode, &options);
+        let known = match &cached {
             Some(cached) => {
                 cached.find(WindowJoiner::new(&info, &options, AnalysisWindows::default(), carrier)?, context)?
             }
             None => None,
         };
         let (motion, tracks) = if let Some(known) = known {
-            context.summary.cached.push("tracks".to_owned());
-            known
+            estimate(context, reader, estimators, &known.cuts)?;
+            (known.motion, known.tracks)
         } else {
-            let mut tracker = ClipTracker::new(&info, &options, carrier)?;
-            let mut recording = cached.and_then(|cached| cached.begin((info.width, info.height), context));
-            context.job.progress.begin(context.pass.index, "analyze", video.frames_estimate);
-            let report = for_each_frame(context.job, reader, |frame| {
-                let mut owner = usize::MAX;
-                let cut = tracker.push_noting(&frame, |window, tracks| {
-                    owner = owner.min(window);
-                    if let Some(recording) = &mut recording {
-                        recording.note(window, tracks);
-                    }
-                })?;
-                if let Some(recording) = &mut recording {
-                    recording.flush(owner);
-                }
-                estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
-            })?;
-            let warnings = context.summary.warnings.len();
-            context.report_damage(&report);
-            // Of a damaged clip the decoder has to report each time.
-            if let Some(recording) = recording.filter(|_| context.summary.warnings.len() == warnings) {
-                recording.publish(context);
-            }
-            tracker.finish()?
+            let tracker = ClipTracker::new(&info, &options, carrier)?;
+            let recording = cached.and_then(|cached| cached.begin((info.width, info.height), context));
+            analyzed(context, reader, tracker, recording, estimators)?
         };
-        for estimator in estimators {
-            estimator.finish(context);
-        }
         let motions: Vec<usize> =
             context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
         for stage in motions {
@@ -106,6 +82,39 @@ impl Stage for TrackSettings {
         context.values.put(stage, "tracks", tracks);
         Ok(HandedOn)
     }
+}
+
+/// Tracks the points through the frames of a clip, and stores the tracks of a clip without damage.
+fn analyzed(
+    context: &mut Context<'_, '_>,
+    reader: VideoReader,
+    mut tracker: ClipTracker<'_>,
+    mut recording: Option<Recording>,
+    mut estimators: Vec<ImportanceEstimator>,
+) -> Result<(ClipMotion, Tracks), RunError> {
+    context.job.progress.begin(context.pass.index, "analyze", reader.info().frames_estimate);
+    let report = for_each_frame(context.job, reader, |frame| {
+        let mut owner = usize::MAX;
+        let cut = tracker.push_noting(&frame, |window, tracks| {
+            owner = owner.min(window);
+            if let Some(recording) = &mut recording {
+                recording.note(window, tracks);
+            }
+        })?;
+        if let Some(recording) = &mut recording {
+            recording.flush(owner);
+        }
+        estimators.iter_mut().try_for_each(|e| e.push(&frame, cut))
+    })?;
+    // Of a damaged clip the decoder has to report each time.
+    let whole = context.report_damage(&report);
+    if let Some(recording) = recording.filter(|_| whole) {
+        recording.publish(context);
+    }
+    for estimator in estimators {
+        estimator.finish(context, whole);
+    }
+    Ok(tracker.finish()?)
 }
 
 /// What the stabilizer needs to know of a clip before its first frame.
@@ -133,7 +142,7 @@ pub(super) fn hand_on_motion(
     settings: &MotionSettings,
     focal_px: Option<f64>,
 ) -> Result<(), RunError> {
-    complete_motion(&mut motion, tracks, settings, focal_px, &context.job.run())?;
+    with_cameras(context, stage, &mut motion, tracks, settings, focal_px)?;
     let has = |of: fn(&dyn Settings) -> bool| context.job.graph().stages.iter().any(|s| of(s.settings.as_ref()));
     let smoothed = has(|s| s.get::<SmoothSettings>().is_some());
     let bends = has(|s| s.get::<WarpSettings>().is_some()) || !has(|s| s.get::<VideoRetargetSettings>().is_some());

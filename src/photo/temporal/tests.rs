@@ -21,6 +21,24 @@ fn moments(frames: usize, place: impl Fn(usize) -> f64) -> ClipImportance {
     importance
 }
 
+#[test]
+fn importance_comes_back_from_its_bytes_and_from_no_others() {
+    let importance = moments(20, |f| 0.02 * f as f64);
+    let bytes = importance.to_bytes();
+    assert_eq!(ClipImportance::from_bytes(&bytes).as_ref(), Some(&importance));
+    assert!(importance.is_of(SIZE) && !importance.is_of(TALL));
+    for end in 0..bytes.len() {
+        let whole = end >= 16 && (end - 16) * 4 % (bytes.len() - 16) == 0;
+        assert_eq!(ClipImportance::from_bytes(&bytes[..end]).is_some(), whole, "{end}");
+    }
+    // No columns, far too many, and moments out of order.
+    for (at, value) in [(0, 0_u64), (8, 1 << 60), (16, 100)] {
+        let mut wrong = bytes.clone();
+        wrong[at..at + 8].copy_from_slice(&value.to_le_bytes());
+        assert!(ClipImportance::from_bytes(&wrong).is_none());
+    }
+}
+
 fn times(frames: usize) -> Vec<f64> {
     (0..frames).map(|f| f as f64 / 30.0).collect()
 }

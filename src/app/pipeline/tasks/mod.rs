@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 use super::batch::Instance;
+use super::cache::digest_of_file;
 use super::check::Pipeline;
 use super::execute::BYTES_PER_PHOTO;
 use super::graph::Stage;
@@ -89,6 +90,9 @@ pub struct TaskInput {
     pub path: String,
     /// `None`: it was not there.
     file: Option<Stamp>,
+    /// BLAKE3 of its content, where the plan states it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    digest: Option<String>,
 }
 
 /// What a task takes of a machine.
@@ -136,7 +140,7 @@ impl TaskPlan {
                 strict: pipeline.run.strict || instance.is_strict(),
                 allow_paths: pipeline.run.allowed_folders(),
                 // Each machine has its own.
-                cache: Vec::new(),
+                cache: None,
             };
             let mut order = Order::of(instance, options);
             let stages = instance.graph.stages.iter();
@@ -144,7 +148,7 @@ impl TaskPlan {
             for (stage, settings) in stages.clone().zip(order.settings()) {
                 map_paths(stage, settings, &path)?;
             }
-            let input = |read: &str| Ok(TaskInput { path: path(read)?, file: Stamp::of(&to_path(read)) });
+            let input = |read: &str| Ok(TaskInput { path: path(read)?, file: Stamp::of(&to_path(read)), digest: None });
             let inputs: Vec<TaskInput> =
                 stages.flat_map(|stage| stage.settings.reads()).map(input).collect::<Result<_, RunError>>()?;
             let written = [instance.outputs(), instance.folders()].concat();
@@ -164,6 +168,29 @@ impl TaskPlan {
         let tasks = instances.iter().map(task).collect::<Result<_, RunError>>()?;
         let program = env!("CARGO_PKG_VERSION").to_owned();
         Ok(Self { format: KIND.format.to_owned(), version: VERSION, program, tasks })
+    }
+
+    /// States the content of each input that is a file, by its digest as `digest_of` gives it: a copy with another time counts as
+    /// unchanged then, and the keys of tasks are those of the contents. `root` is that of the plan.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] for an input that cannot be read.
+    pub fn state_contents(
+        &mut self,
+        root: &Path,
+        digest_of: impl Fn(&Path) -> std::io::Result<String>,
+    ) -> Result<(), RunError> {
+        for task in &mut self.tasks {
+            for input in &mut task.inputs {
+                let path = root.join(to_path(&input.path));
+                if path.is_file() {
+                    let failed = |e| RunError::Input(format!("{}: {e}", path.display()));
+                    input.digest = Some(digest_of(&path).map_err(failed)?);
+                }
+            }
+            task.key = key_of(&task.order, &task.inputs)?;
+        }
+        Ok(())
     }
 
     /// Reads a plan.
@@ -256,8 +283,11 @@ impl Task {
     /// An input that is not as it was when the plan was made; to be called at the root.
     pub fn changed_input(&self) -> Option<ChangedInput<'_>> {
         self.inputs.iter().find_map(|input| {
-            let now = Stamp::of(&to_path(&input.path));
-            (now != input.file).then_some(ChangedInput { path: &input.path, is_missing: now.is_none() })
+            let path = to_path(&input.path);
+            let now = Stamp::of(&path);
+            // The same content with another time is a copy.
+            let is_copy = || now.is_some() && input.digest.is_some() && digest_of_file(&path).ok() == input.digest;
+            (now != input.file && !is_copy()).then_some(ChangedInput { path: &input.path, is_missing: now.is_none() })
         })
     }
 }
@@ -348,6 +378,11 @@ fn map_paths(
 
 /// BLAKE3 over the version, the stages with their settings, and the inputs.
 fn key_of(order: &Order, inputs: &[TaskInput]) -> Result<String, RunError> {
+    // By content, where that is known, and otherwise by size and time.
+    let known = |input: &TaskInput| {
+        (input.path.clone(), input.digest.is_none().then(|| input.file.clone()), input.digest.clone())
+    };
+    let inputs: Vec<_> = inputs.iter().map(known).collect();
     let all = (env!("CARGO_PKG_VERSION"), order.stages(), inputs);
     let text = serde_json::to_vec(&all).map_err(|e| RunError::Internal(e.to_string()))?;
     Ok(format!("b3:{}", blake3::hash(&text).to_hex()))

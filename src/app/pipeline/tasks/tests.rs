@@ -57,6 +57,33 @@ fn paths_start_from_the_root_and_those_outside_are_absolute() {
 }
 
 #[test]
+fn where_contents_are_stated_a_copy_is_unchanged_and_has_the_same_key() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.jpg");
+    let plan = |seconds: u64, contents: bool| {
+        std::fs::write(&path, "pixels").expect("written");
+        let file = std::fs::File::options().write(true).open(&path).expect("there");
+        file.set_modified(std::time::UNIX_EPOCH + std::time::Duration::from_secs(seconds)).expect("set");
+        let mut plan = plan_of("rectify", &[&format!("batch.foreach={}", path.display())], folder.path());
+        if contents {
+            plan.state_contents(folder.path(), digest_of_file).expect("read");
+        }
+        // The paths of a plan start from its root, here from nowhere.
+        plan.tasks[0].inputs[0].path = path.display().to_string();
+        plan.tasks.remove(0)
+    };
+    for contents in [false, true] {
+        let (first, later) = (plan(1000, contents), plan(2000, contents));
+        assert_eq!(first.changed_input().is_none(), contents, "{:?}", first.inputs);
+        assert_eq!(first.key == later.key, contents);
+        std::fs::write(&path, "others").expect("written");
+        assert!(first.changed_input().is_some_and(|input| !input.is_missing));
+        std::fs::remove_file(&path).expect("removed");
+        assert!(first.changed_input().is_some_and(|input| input.is_missing));
+    }
+}
+
+#[test]
 fn a_key_follows_settings_and_inputs() {
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path().canonicalize().expect("a folder");

@@ -85,6 +85,7 @@ impl StageOrder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::cache::CacheUse;
     use crate::pipeline::{read, shipped};
 
     #[test]
@@ -94,7 +95,7 @@ mod tests {
             overwrite: true,
             strict: true,
             allow_paths: vec!["shared".into()],
-            cache: vec!["cached".into()],
+            cache: Some(CacheUse { folder: "cached".into(), named: true, trusted: true, force: vec!["tracks".into()] }),
         };
         for (name, _) in shipped::SHIPPED {
             let source = shipped::find_source(name).expect("shipped");

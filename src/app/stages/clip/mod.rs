@@ -1,6 +1,5 @@
 //! What the kinds of clips have in common: the stream from the decoder to the encoders, and the maps that its frames pass through.
 
-pub(crate) mod cached_tracks;
 pub(crate) mod chain;
 pub(crate) mod encoding;
 mod filling;

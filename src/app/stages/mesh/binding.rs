@@ -5,7 +5,8 @@ use std::path::Path;
 use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use crate::stages::context::Context;
-use plumbline_shape::character::weights::{WeightMethod, WeightOptions, bone_weights};
+use crate::stages::kept::weights_of;
+use plumbline_shape::character::weights::{WeightMethod, WeightOptions};
 use plumbline_shape::character::{CharacterError, Skeleton, SkinWeights, WeightsFile};
 use plumbline_shape::mesh::TriMesh;
 
@@ -21,8 +22,7 @@ pub(crate) fn weights(
         return read(&to_path(file), mesh, skeleton);
     }
     let options = WeightOptions { method: binding, ..WeightOptions::default() };
-    let (weights, report) = bone_weights(mesh, skeleton, &options, &context.job.run())
-        .map_err(|e: CharacterError| RunError::Input(e.to_string()))?;
+    let (weights, report) = weights_of(context, mesh, skeleton, &options)?;
     if report.borrowed_vertices > 0 {
         let (vertices, pieces) = (report.borrowed_vertices, report.borrowed_components);
         context.warn(format!("{vertices} vertices in {pieces} pieces see no bone; they follow the nearest that do"));

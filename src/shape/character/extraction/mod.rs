@@ -168,7 +168,7 @@ impl ContractionStep<'_> {
 pub type Observer<'o> = dyn FnMut(&ContractionStep<'_>) -> ControlFlow<()> + 'o;
 
 /// Statistics of an extraction.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExtractionReport {
     /// Connected components of the surface.
     pub parts: usize,

@@ -80,7 +80,7 @@ impl Default for WeightOptions {
 }
 
 /// Statistics of automatic weights.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WeightReport {
     /// Connected components of the surface, isolated vertices not counted.
     pub components: usize,

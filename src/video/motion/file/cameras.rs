@@ -13,11 +13,12 @@ use std::io::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::{MotionFileError, value, write_block};
+use super::{MotionFileError, VERSION, value, write_block};
 use crate::motion::cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
 use crate::motion::exchange::colmap::rotation_of;
 use crate::motion::sfm::{SfmFigures, SfmVerdict};
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
+use plumbline_num::document::Kind;
 use plumbline_num::math::Point2;
 
 /// The blocks, as far as a file has them.
@@ -81,21 +82,8 @@ pub(super) struct ShotEntry {
 /// Writes the blocks.
 pub(super) fn write(out: &mut impl Write, cameras: &ClipCameras) -> Result<(), MotionFileError> {
     write_block(out, "cameras", cameras.frames.iter().map(|c| c.map(CameraEntry::from)))?;
-    write_block(
-        out,
-        "points",
-        cameras.points.iter().map(|p| PointEntry { shot: p.shot, id: p.id, at: p.position.into() }),
-    )?;
-    write_block(
-        out,
-        "reconstruction",
-        cameras.shots.iter().map(|s| ShotEntry {
-            frames: [s.frames.start, s.frames.end],
-            verdict: s.verdict,
-            reason: s.reason.clone(),
-            figures: s.figures,
-        }),
-    )
+    write_block(out, "points", cameras.points.iter().copied().map(PointEntry::from))?;
+    write_block(out, "reconstruction", cameras.shots.iter().map(ShotEntry::from))
 }
 
 impl InSpace {
@@ -142,6 +130,70 @@ impl InSpace {
     }
 }
 
+/// Cameras alone, for a later run on the same tracks.
+const CAMERAS: Kind = Kind { name: "a file of cameras", format: "plumbline.cameras", max_bytes: 1 << 32 };
+
+/// A file of cameras.
+#[derive(Serialize, Deserialize)]
+struct CamerasFile {
+    format: String,
+    version: u32,
+    cameras: Vec<Option<CameraEntry>>,
+    points: Vec<PointEntry>,
+    reconstruction: Vec<ShotEntry>,
+}
+
+impl ClipCameras {
+    /// The cameras, points and verdicts as JSON: the blocks of a motion file alone. [`Self::from_json`] restores them bit for bit, if all
+    /// numbers are finite.
+    ///
+    /// # Errors
+    /// [`MotionFileError::Io`]: none is known.
+    pub fn to_json(&self) -> Result<String, MotionFileError> {
+        let shots = self.shots.iter();
+        let file = CamerasFile {
+            format: CAMERAS.format.to_owned(),
+            version: VERSION,
+            cameras: self.frames.iter().map(|c| c.map(CameraEntry::from)).collect(),
+            points: self.points.iter().copied().map(PointEntry::from).collect(),
+            reconstruction: shots.map(ShotEntry::from).collect(),
+        };
+        Ok(serde_json::to_string(&file).map_err(std::io::Error::from)?)
+    }
+
+    /// The cameras of [`Self::to_json`].
+    ///
+    /// # Errors
+    /// [`MotionFileError`]: not JSON, another format or version, a value out of range, a number of a frame or a shot out of range.
+    pub fn from_json(text: &str) -> Result<Self, MotionFileError> {
+        let CamerasFile { cameras, points, reconstruction, .. } = CAMERAS.parse(text)?;
+        let (frames, shots) = (cameras.len(), reconstruction.len());
+        if let Some(k) = points.iter().position(|point| point.shot as usize >= shots) {
+            return Err(value(format!("points[{k}].shot"), points[k].shot, "a shot of the reconstruction"));
+        }
+        let blocks = InSpace { cameras: Some(cameras), points: Some(points), reconstruction: Some(reconstruction) };
+        blocks.check(frames)?;
+        Ok(blocks.into_cameras(0.0).unwrap_or_default())
+    }
+}
+
+impl From<WorldPoint> for PointEntry {
+    fn from(point: WorldPoint) -> Self {
+        Self { shot: point.shot, id: point.id, at: point.position.into() }
+    }
+}
+
+impl From<&ShotCameras> for ShotEntry {
+    fn from(shot: &ShotCameras) -> Self {
+        Self {
+            frames: [shot.frames.start, shot.frames.end],
+            verdict: shot.verdict,
+            reason: shot.reason.clone(),
+            figures: shot.figures,
+        }
+    }
+}
+
 impl From<FrameCamera> for CameraEntry {
     fn from(camera: FrameCamera) -> Self {
         let (q, i) = (camera.pose.rotation, camera.intrinsics);
@@ -175,6 +227,59 @@ impl CameraEntry {
         FrameCamera {
             pose: CameraPose { rotation, translation: Vec3::from(self.t) },
             intrinsics: Intrinsics { focal: self.focal, center, k1: self.k1 },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+
+    fn cameras() -> ClipCameras {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let mut number = move || 2.0 * rng.f64() - 1.0;
+        let mut camera = |frame: usize| {
+            let axis = Vec3::new(number(), number(), number());
+            let rotation = UnitQuaternion::from_scaled_axis(axis) * UnitQuaternion::from_scaled_axis(2.0 * axis);
+            let pose = CameraPose { rotation, translation: Vec3::new(number(), -0.0, number() * 1e-300) };
+            let intrinsics = Intrinsics { focal: 600.0 + number(), center: Point2::new(320.0, 180.0), k1: number() };
+            (frame != 2).then_some(FrameCamera { pose, intrinsics })
+        };
+        let frames: Vec<_> = (0..50).map(&mut camera).collect();
+        let position = Point3::new(1.0 / 3.0, 1e17, -0.1);
+        let figures = SfmFigures { registered: 3, reprojection_px: 0.1 + 0.2, ..SfmFigures::default() };
+        let shot = |frames, verdict| ShotCameras { frames, verdict, reason: "seen \"well\"".to_owned(), figures };
+        ClipCameras {
+            frames,
+            points: vec![WorldPoint { shot: 1, id: 7, position }],
+            shots: vec![shot(0..2, SfmVerdict::Failed), shot(2..50, SfmVerdict::ThreeD)],
+        }
+    }
+
+    #[test]
+    fn cameras_come_back_bit_for_bit_from_their_file() {
+        let cameras = cameras();
+        let text = cameras.to_json().expect("finite");
+        let again = ClipCameras::from_json(&text).expect("just written");
+        assert_eq!(again, cameras);
+        assert_eq!(again.to_json().expect("finite"), text);
+    }
+
+    #[test]
+    fn a_damaged_file_of_cameras_is_refused() {
+        let text = cameras().to_json().expect("finite");
+        for (from, to, expected) in [
+            ("\"frames\":[0,2]", "\"frames\":[0,51]", "reconstruction[0].frames"),
+            ("\"shot\":1", "\"shot\":2", "points[0].shot"),
+            ("plumbline.cameras", "plumbline.motion", "plumbline.cameras"),
+            ("\"version\":1", "\"version\":2", "version 2"),
+            ("\"focal\":", "\"focal\":-", "cameras[0].focal"),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let fault = ClipCameras::from_json(&text.replacen(from, to, 1)).expect_err(to).to_string();
+            assert!(fault.contains(expected), "{to}: {fault}");
         }
     }
 }

@@ -205,10 +205,16 @@ impl Model {
 
 /// Greatest deviation of the norm of a quaternion from 1: files with four digits pass.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
+/// The same for a quaternion that is taken as it is, so that one that was written comes back bit for bit: the rounding of a thousand
+/// products.
+const ROUNDING: f64 = 1e-12;
 
 /// The rotation of `[w, x, y, z]`; `None` for another norm than 1.
 pub(crate) fn rotation_of([w, x, y, z]: [f64; 4]) -> Option<nalgebra::UnitQuaternion<f64>> {
     let q = nalgebra::Quaternion::new(w, x, y, z);
+    if (q.norm_squared() - 1.0).abs() <= ROUNDING {
+        return Some(nalgebra::UnitQuaternion::new_unchecked(q));
+    }
     ((q.norm() - 1.0).abs() <= QUATERNION_TOLERANCE).then(|| nalgebra::UnitQuaternion::new_normalize(q))
 }
 
