@@ -258,7 +258,7 @@ fn side_files(
         let name = |j: &u32| skeleton.joints()[*j as usize].name.clone();
         document.pose = Arc::new(PoseDocument {
             joints: offsets(skeleton, &pose.start),
-            targets: pose.targets.into_iter().map(|t| NamedTarget::of(skeleton, t)).collect(),
+            targets: pose.all_targets().into_iter().map(|t| NamedTarget::of(skeleton, t)).collect(),
             locked: pose.locked.iter().map(name).collect(),
         });
     }
