@@ -26,6 +26,7 @@ mod pose;
 pub mod pose_file;
 mod refinement;
 pub mod regression;
+pub mod retargeting;
 mod skeleton;
 pub mod skeleton_file;
 mod skin;
