@@ -22,6 +22,7 @@ pub mod humanoid;
 pub mod ik;
 pub mod io;
 mod limits;
+pub mod naming;
 mod pose;
 pub mod pose_file;
 mod refinement;

@@ -286,18 +286,15 @@ fn part(name: &str) -> Option<(Part, Side)> {
     };
     let part = match part {
         // The forelegs of an animal are its arms.
-        Part::Leg if has(&["front", "fore"]) => {
-            if lower && upper {
-                return None;
-            } else {
-                Part::Arm
-            }
-        }
+        Part::Leg if has(&["front", "fore"]) => Part::Arm,
         Part::Leg if upper => Part::Thigh,
         Part::Leg if lower => Part::Shin,
         Part::Arm if upper => Part::UpperArm,
         Part::Arm if lower => Part::Forearm,
         Part::Foot if has(&["front", "fore"]) => Part::Hand,
+        Part::Shin if has(&["front", "fore"]) => Part::Forearm,
+        Part::Thigh if has(&["front", "fore"]) => Part::UpperArm,
+        Part::Toes if has(&["front", "fore"]) => return None,
         Part::Hips if side != Side::Middle => Part::Thigh,
         part => part,
     };
