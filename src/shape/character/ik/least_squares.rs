@@ -103,30 +103,33 @@ impl<'a> Problem<'a> {
         }
         if self.rest > 0.0 {
             for motion in &self.variables.motions {
-                let (from_rest, _) = motion.at(self.skeleton, pose).from_rest();
+                let (from_rest, _) = motion.at(self.skeleton, pose).rotation_from_rest();
                 cost += 0.5 * (self.rest * from_rest).norm_squared();
             }
         }
         cost
     }
 
-    fn lever(&self, motion: &Motion) -> Lever {
+    fn lever(&self, motion: Motion) -> Lever {
         let j = motion.joint();
         let parent = self.skeleton.joints()[j as usize].parent.map(|p| p as usize);
         let linear =
             parent.map_or_else(Matrix3::identity, |p| self.frames.world[p].fixed_view::<3, 3>(0, 0).into_owned());
-        let Motion::Rotation(_) = motion else {
-            return Lever::Translation(linear * self.variables.unit);
-        };
         let rotation =
             parent.map_or_else(Matrix3::identity, |p| self.frames.rotation[p].to_rotation_matrix().into_inner());
-        Lever::Rotation {
+        let translates = matches!(motion, Motion::Translation(_));
+        Lever {
             origin: self.frames.at(j),
             // A singular frame moves nothing that could be measured.
             inverse: linear.try_inverse().unwrap_or_else(Matrix3::zeros),
             linear,
             rotation,
-            velocities: motion.at(self.skeleton, &self.pose).velocities(),
+            velocities: if translates {
+                linear * self.variables.unit
+            } else {
+                motion.at(self.skeleton, &self.pose).velocities()
+            },
+            translates,
         }
     }
 
@@ -166,11 +169,11 @@ impl<'a> Problem<'a> {
             }
         }
         let y = system.cholesky()?.solve(&right);
-        let along = |((column, inverse), (_, to_rest)): ((&Vec<Block>, &Matrix3<f64>), &(_, Vector3<f64>))| {
-            let pulled = column.iter().map(|b| b.jacobian.transpose() * y.fixed_rows::<3>(3 * b.target));
-            -inverse * (to_rest + pulled.sum::<Vector3<f64>>())
+        let along = |k: usize| {
+            let pulled = self.columns[k].iter().map(|b| b.jacobian.transpose() * y.fixed_rows::<3>(3 * b.target));
+            -inverse[k] * (self.to_rest[k].1 + pulled.sum::<Vector3<f64>>())
         };
-        Some(self.columns.iter().zip(inverse).zip(&self.to_rest).map(along).collect())
+        Some((0..self.columns.len()).map(along).collect())
     }
 
     /// Decrease of the cost that the quadratic model predicts for a step.
@@ -191,7 +194,7 @@ impl<'a> Problem<'a> {
 impl DampedProblem for Problem<'_> {
     fn linearize(&mut self) {
         let motions = &self.variables.motions;
-        let levers: Vec<Lever> = motions.iter().map(|motion| self.lever(motion)).collect();
+        let levers: Vec<Lever> = motions.iter().map(|motion| self.lever(*motion)).collect();
         self.columns.iter_mut().for_each(Vec::clear);
         self.gradient.fill(Vector3::zeros());
         for (t, (target, scale)) in self.targets.iter().zip(&self.scales).enumerate() {
@@ -207,7 +210,7 @@ impl DampedProblem for Problem<'_> {
         }
         if self.rest > 0.0 {
             for (k, motion) in motions.iter().enumerate() {
-                let (from_rest, change) = motion.at(self.skeleton, &self.pose).from_rest();
+                let (from_rest, change) = motion.at(self.skeleton, &self.pose).rotation_from_rest();
                 let weighted = change.transpose() * (self.rest * self.rest);
                 self.to_rest[k] = (weighted * change, weighted * from_rest);
                 self.gradient[k] += self.to_rest[k].1;

@@ -367,7 +367,8 @@ fn the_root_stays_unless_a_target_is_on_it() {
         let found = solved(std::slice::from_ref(&forward), &IkOptions { method, ..IkOptions::default() });
         assert_eq!(found.pose.locals[hips as usize], rest.locals[hips as usize], "{method:?}");
     }
-    let rotates = solved(&[forward.clone()], &IkOptions { root: RootMotion::Rotates, ..IkOptions::default() });
+    let rotates =
+        solved(std::slice::from_ref(&forward), &IkOptions { root: RootMotion::Rotates, ..IkOptions::default() });
     assert!(rotates.pose.locals[hips as usize].rotation.angle() > 0.01);
     assert_eq!(rotates.pose.locals[hips as usize].translation, rest.locals[hips as usize].translation);
     // A crouch: the hips go down, and the knees bend over feet that stay.

@@ -19,16 +19,16 @@ pub(super) enum Motion {
 }
 
 impl Motion {
-    pub(super) fn joint(&self) -> u32 {
+    pub(super) fn joint(self) -> u32 {
         let (Self::Rotation(joint) | Self::Translation(joint)) = self;
-        *joint
+        joint
     }
 
     /// The coordinates in a pose.
-    pub(super) fn at<'a>(&self, skeleton: &'a Skeleton, pose: &Pose) -> At<'a> {
+    pub(super) fn at<'a>(self, skeleton: &'a Skeleton, pose: &Pose) -> At<'a> {
         match self {
-            Self::Rotation(joint) => At::Rotation(Coordinates::of(skeleton, pose, *joint)),
-            Self::Translation(joint) => At::Translation(pose.locals[*joint as usize].translation),
+            Self::Rotation(joint) => At::Rotation(Coordinates::of(skeleton, pose, joint)),
+            Self::Translation(joint) => At::Translation(pose.locals[joint as usize].translation),
         }
     }
 }
@@ -124,7 +124,7 @@ impl At<'_> {
     }
 
     /// Rotation from rest in coordinates, and its derivative in ours; zero for a translation, which nothing draws to rest.
-    pub(super) fn from_rest(&self) -> (Vector3<f64>, Matrix3<f64>) {
+    pub(super) fn rotation_from_rest(&self) -> (Vector3<f64>, Matrix3<f64>) {
         if let Self::Rotation(coordinates) = self {
             coordinates.rotation_from_rest()
         } else {

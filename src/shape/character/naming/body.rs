@@ -71,7 +71,9 @@ impl Tree {
         let mut distance = vec![f64::INFINITY; self.at.len()];
         let mut before = vec![None; self.at.len()];
         let mut stack = from.to_vec();
-        from.iter().for_each(|j| distance[*j as usize] = 0.0);
+        for &j in from {
+            distance[j as usize] = 0.0;
+        }
         while let Some(j) = stack.pop() {
             for &n in &self.neighbors[j as usize] {
                 if distance[n as usize].is_infinite() {

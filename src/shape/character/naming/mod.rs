@@ -17,6 +17,8 @@ mod body;
 #[cfg(test)]
 mod tests;
 
+use std::collections::{HashMap, HashSet};
+
 use super::{CharacterError, CurveSkeleton, Joint, Skeleton};
 use body::Body;
 
@@ -104,7 +106,7 @@ pub fn propose_names(skeleton: &Skeleton, curve: &CurveSkeleton) -> Option<Propo
     }
     let body = Body::find(skeleton, curve)?;
     let mut names: Vec<Option<String>> = vec![None; skeleton.joint_count()];
-    let mut used = std::collections::HashMap::new();
+    let mut used = HashMap::new();
     let mut give = |joint: u32, part: &str, side: &str| {
         let own = &mut names[joint as usize];
         if own.is_none() {
@@ -146,16 +148,16 @@ pub fn propose_names(skeleton: &Skeleton, curve: &CurveSkeleton) -> Option<Propo
         }
     }
     // Names of other joints stay, unless one was given away.
-    let given: std::collections::HashSet<String> = names.iter().flatten().cloned().collect();
-    let name = |(own, joint): (Option<String>, &Joint)| {
-        let free = || {
-            let numbered = (1..).map(|k| if k == 1 { joint.name.clone() } else { format!("{} ({k})", joint.name) });
-            numbered.into_iter().find(|name| !given.contains(name)).expect("there is no end of numbers")
-        };
-        own.unwrap_or_else(free)
-    };
+    let given: HashSet<String> = names.iter().flatten().cloned().collect();
+    let name = |(own, joint): (Option<String>, &Joint)| own.unwrap_or_else(|| free(&joint.name, &given));
     let names = names.into_iter().zip(skeleton.joints()).map(name).collect();
     Some(ProposedNames { names, body: body.plan, sides: body.sides })
+}
+
+/// The name, numbered where it was given to another joint.
+fn free(name: &str, given: &HashSet<String>) -> String {
+    let numbered = (1..).map(|k| if k == 1 { name.to_owned() } else { format!("{name} ({k})") });
+    numbered.into_iter().find(|name| !given.contains(name)).expect("there is no end of numbers")
 }
 
 /// Fractions of the length of a limb, from the trunk, up to which its joints are the first and the second part; the third begins behind

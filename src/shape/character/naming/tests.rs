@@ -11,12 +11,15 @@ use crate::mesh::shapes::level_set;
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
 
-/// Capsules between points.
-type Capsules = Vec<([f64; 3], [f64; 3], f64)>;
+/// A capsule between two points.
+type Capsule = ([f64; 3], [f64; 3], f64);
 
-fn body(capsules: &Capsules) -> TriMesh {
+/// A map of positions.
+type Map = Box<dyn Fn(&Point3<f64>) -> Point3<f64>>;
+
+fn body(capsules: &[Capsule]) -> TriMesh {
     let distance = |x: &Point3<f64>| {
-        let of = |(a, b, r): &([f64; 3], [f64; 3], f64)| {
+        let of = |(a, b, r): &Capsule| {
             let (a, b) = (Point3::from(*a), Point3::from(*b));
             let (along, from) = (b - a, x - a);
             let t = (from.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
@@ -28,8 +31,8 @@ fn body(capsules: &Capsules) -> TriMesh {
 }
 
 /// A dog: y up, facing +z, with a head, a thin tail, and one foreleg ahead.
-fn dog(tail: bool) -> Capsules {
-    let mut parts: Capsules = vec![
+fn dog(tail: bool) -> Vec<Capsule> {
+    let mut parts: Vec<Capsule> = vec![
         ([0.0, 0.8, -0.5], [0.0, 0.85, 0.5], 0.16),
         ([0.0, 0.85, 0.5], [0.0, 1.2, 0.75], 0.09),
         ([0.0, 1.2, 0.75], [0.0, 1.15, 1.05], 0.12),
@@ -65,7 +68,7 @@ fn at(skeleton: &Skeleton, name: &str) -> Point3<f64> {
 fn an_extracted_person_has_its_sides_however_it_stands() {
     let mesh = humanoid(0.04).expect("made").model.mesh().clone();
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.7, -1.9, 0.4));
-    let copies: [(&str, Box<dyn Fn(&Point3<f64>) -> Point3<f64>>, f64); 3] = [
+    let copies: [(&str, Map, f64); 3] = [
         ("as made", Box::new(|p| *p), 1.0),
         ("rotated", Box::new(move |p| turn * (p * 7.0) + Vector3::new(3.0, 1.0, -2.0)), 1.0),
         ("mirrored", Box::new(|p| Point3::new(-p.x, p.y, p.z)), -1.0),

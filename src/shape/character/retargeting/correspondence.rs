@@ -15,7 +15,7 @@ use std::collections::HashMap;
 use nalgebra::Point3;
 
 use super::names::{self, Role};
-use super::{JointMap, names::words};
+use super::{JointMap, check_size, names::words};
 use crate::character::fitting::fit_template;
 use crate::character::{CharacterError, CurveSkeleton, Skeleton};
 use plumbline_num::run::Run;
@@ -51,7 +51,7 @@ impl Correspondence {
     /// Finds the correspondence of two skeletons.
     ///
     /// # Errors
-    /// [`CharacterError::Input`] with the names of the joints, where nothing corresponds; [`CharacterError::Interrupted`].
+    /// [`CharacterError::Input`] with the names of the joints, where nothing corresponds, or for more than 2000 joints; [`CharacterError::Interrupted`].
     ///
     /// ```
     /// use plumbline_num::run::Run;
@@ -64,6 +64,7 @@ impl Correspondence {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn find(source: &Skeleton, target: &Skeleton, map: &JointMap, run: &Run) -> Result<Self, CharacterError> {
+        check_size(source, target)?;
         let roles = [source, target].map(names::roles);
         let mut source_of = by_names(source, target, &roles);
         let mut by = MatchedBy::Names;
@@ -161,13 +162,11 @@ fn enough(source: &Skeleton, target: &Skeleton, source_of: &[Option<u32>]) -> bo
 /// Pieces of a bone between two nodes of its curve.
 const PIECES: usize = 8;
 
+/// For each joint of the target one of the source, and whether another assignment fits equally well.
+type Fitted = (Vec<Option<u32>>, bool);
+
 /// Fits the source to the bones of the target.
-#[expect(clippy::type_complexity, reason = "a private pair")]
-fn by_shape(
-    source: &Skeleton,
-    target: &Skeleton,
-    run: &Run,
-) -> Result<Option<(Vec<Option<u32>>, bool)>, CharacterError> {
+fn by_shape(source: &Skeleton, target: &Skeleton, run: &Run) -> Result<Option<Fitted>, CharacterError> {
     if source.joint_count().max(target.joint_count()) > MAX_BY_SHAPE
         || source.joint_count().min(target.joint_count()) < MIN_PAIRS
     {

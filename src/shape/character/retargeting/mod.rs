@@ -109,13 +109,27 @@ pub struct RetargetReport {
 /// Largest number of sampled frames of joints: 600 MB, twenty minutes of a person at 30 per second.
 const MAX_FRAMES: usize = 1 << 22;
 
+/// Largest number of joints of a skeleton: what follows what is found by walks along the hierarchy, whose number is cubic at worst.
+const MAX_JOINTS: usize = 2000;
+
+/// Refuses skeletons that are too large.
+fn check_size(source: &Skeleton, target: &Skeleton) -> Result<(), CharacterError> {
+    let joints = source.joint_count().max(target.joint_count());
+    if joints <= MAX_JOINTS {
+        return Ok(());
+    }
+    Err(CharacterError::Input(format!(
+        "a skeleton of {joints} joints is too large to carry a motion (at most {MAX_JOINTS})"
+    )))
+}
+
 /// Carries a clip of one skeleton to another. Morph weights are left out: they belong to the surface of the source.
 ///
 /// The result has keys at the sample times, linear between them; it is in the limits of the target. To the same skeleton it is the clip
 /// itself, at the sample times, but for limits.
 ///
 /// # Errors
-/// [`CharacterError::Input`]: a clip or correspondence of other skeletons, a clip so long that its rotations would not fit in memory;
+/// [`CharacterError::Input`]: a clip or correspondence of other skeletons, more than 2000 joints, a clip so long that its rotations would not fit in memory;
 /// [`CharacterError::Option`]; [`CharacterError::Interrupted`].
 ///
 /// ```
@@ -150,6 +164,7 @@ pub fn retarget(
     run: &Run,
 ) -> Result<(Clip, RetargetReport), CharacterError> {
     options.check()?;
+    check_size(source, target)?;
     clip.check(source.joint_count(), usize::MAX)?;
     CharacterError::check_pose(map.source_of.len(), target.joint_count())?;
     if let Some(joint) = map.source_of.iter().flatten().find(|j| **j as usize >= source.joint_count()) {

@@ -242,11 +242,14 @@ fn extra_joints_change_no_position_of_limbs() {
     }
 }
 
+/// The length of a bone by the name of its joint.
+type Factor = fn(&str) -> f64;
+
 #[test]
 fn feet_do_not_slide_on_other_proportions() {
     let skeleton = free();
     let clip = walk(&skeleton);
-    let builds: [(&str, fn(&str) -> f64); 4] = [
+    let builds: [(&str, Factor); 4] = [
         (
             "long legs",
             |n| if n.starts_with("leg") || n.starts_with("shin") || n.starts_with("foot") { 1.4 } else { 1.0 },
@@ -279,7 +282,6 @@ fn feet_do_not_slide_on_other_proportions() {
         joints[0].rest.translation.y += 0.05 - low;
         other = Skeleton::new(joints).expect("valid");
         let (_, report, _) = carried(&skeleton, &clip, &other);
-        println!("{name}: {report:?}");
         assert_eq!(report.feet.len(), 2);
         for foot in &report.feet {
             assert!(foot.contacts >= 3 && foot.slide < 2e-3 + foot.source_slide, "{name}: {foot:?}");
@@ -328,6 +330,8 @@ fn a_map_overrides_names_and_unknown_names_are_refused() {
             |k: u32| Joint { name: format!("q{k}"), parent: k.checked_sub(1), rest: Trs::identity(), limits: None };
         Skeleton::new((0..count).map(joint).collect()).expect("valid")
     };
+    let large = Correspondence::find(&skeleton, &chain(2001), &JointMap::default(), &Run::default());
+    assert!(large.expect_err("too large").to_string().starts_with("a skeleton of 2001 joints is too large"));
     let refused =
         Correspondence::find(&skeleton, &chain(5), &JointMap::default(), &Run::default()).expect_err("no limbs");
     assert!(refused.to_string().contains("do not correspond"), "{refused}");
