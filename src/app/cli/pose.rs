@@ -129,7 +129,7 @@ const MAX_FRAMES: f64 = 9999.0;
 fn sampled(start: f64, end: f64, fps: f64) -> Result<u32, Failure> {
     // Key times in single precision are off by a millionth of a frame.
     let frames = ((end - start) * fps + 1e-3).floor() + 1.0;
-    if frames >= 1.0 && frames <= MAX_FRAMES {
+    if (1.0..=MAX_FRAMES).contains(&frames) {
         return Ok(frames as u32);
     }
     let fault = format!("{} s at {fps} poses per second are {frames} poses (at most {MAX_FRAMES})", end - start);

@@ -104,9 +104,10 @@ fn report_retargeting(
     if contacts > 0 {
         let [held, free, source] =
             [largest(|f| f.slide), largest(|f| f.free_slide), largest(|f| f.source_slide)].map(|x| 100.0 * x);
-        line += &format!(
+        let feet = format!(
             ", which slide by {held:.2} % of the leg at most ({free:.2} % unheld, {source:.2} % in the source)"
         );
+        line.push_str(&feet);
     }
     if let Some(surface) = &mut context.summary.surface {
         surface.retargeted.push(line);
