@@ -272,3 +272,98 @@ fn ends_to_keep_are_listed_as_vertices_are_in_other_files_or_as_numbers() {
         assert!(out.status.code() == Some(65) && err(&out).contains(expected), "{list}: {}", err(&out));
     }
 }
+
+/// The humanoid's file with other names of its joints, of the same length.
+fn renamed(path: &Path, names: &[(&str, &str)]) {
+    let mut bytes = fs::read(humanoid()).expect("the file");
+    for (from, to) in names {
+        let [from, to] = [from, to].map(|name| format!("\"name\":\"{name}\""));
+        assert_eq!(from.len(), to.len());
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap_or_else(|| panic!("no {from}"));
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+    }
+    fs::write(path, bytes).expect("writable");
+}
+
+const OTHER_NAMES: [(&str, &str); 4] =
+    [("forearm.L", "Elbow.L__"), ("forearm.R", "Elbow.R__"), ("shin.L", "calf_l"), ("shin.R", "calf_r")];
+
+#[test]
+fn the_movements_of_another_character_are_carried_over_and_kept_beside_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    renamed(&folder.join("other.glb"), &OTHER_NAMES);
+    let ran =
+        plumbline_in(folder, &["pose", "other.glb", "--motion-from", &humanoid(), "--clip", "walk", "-o", "walks.glb"]);
+    assert_eq!(ran.status.code(), Some(0), "{}", err(&ran));
+    let found = character_of(&model(&folder.join("walks.glb"))).expect("it keeps its skin");
+    let names: Vec<&str> = found.clips.iter().map(plumbline::shape::character::Clip::name).collect();
+    assert_eq!(names, ["walk", "walk (2)", "wave"]);
+    let (own, carried) = (&found.clips[1], &found.clips[0]);
+    for t in [0.0, 0.4, 0.85] {
+        let at = |clip: &plumbline::shape::character::Clip| {
+            let pose = clip.pose(&found.skeleton, t, Extrapolation::Constant).expect("valid");
+            found.skeleton.globals(&pose).expect("valid")
+        };
+        let off = at(own).iter().zip(at(carried)).map(|(a, b)| (a - b).amax()).fold(0.0, f64::max);
+        assert!(off < 2e-3, "{t}: {off}");
+    }
+    // A map overrides names, and what it does not know is refused.
+    let map = |joints: &str| format!(r#"{{"format": "plumbline.joint-map", "version": 1, "joints": {{{joints}}}}}"#);
+    fs::write(folder.join("map.json"), map(r#""head": null"#)).expect("writable");
+    fs::write(folder.join("bad.json"), map(r#""haed": null"#)).expect("writable");
+    let args = ["pose", "other.glb", "--motion-from", &humanoid(), "--clip", "wave", "-o", "waves.glb", "--map"];
+    succeed(folder, &[&args[..], &["map.json"]].concat());
+    let found = character_of(&model(&folder.join("waves.glb"))).expect("it keeps its skin");
+    let head = found.skeleton.named("head").expect("there");
+    assert!(found.clips[0].tracks().iter().all(|track| track.joint != head));
+    let refused = plumbline_in(folder, &[&args[..6], &["-o", "x.glb", "--map", "bad.json"]].concat());
+    assert_eq!(refused.status.code(), Some(65));
+    assert!(err(&refused).contains("bad.json: the target: there is no joint \"haed\""), "{}", err(&refused));
+    let refused = plumbline_in(folder, &["pose", "other.glb", "--motion-from", &humanoid(), "-o", "x.obj"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(err(&refused).contains("names one of the movements \"walk\", \"wave\""), "{}", err(&refused));
+}
+
+#[test]
+fn a_rate_of_poses_gives_morph_targets_of_one_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    succeed(folder, &["pose", &humanoid(), "--clip", "walk", "--fps", "10", "-o", "walk.glb"]);
+    assert_eq!(names(folder), ["walk.glb"]);
+    let walk = model(&folder.join("walk.glb"));
+    let moving = walk.articulation().expect("it moves");
+    let channel = &moving.animations[0].channels[0];
+    assert_eq!((moving.instances[0].targets.len(), channel.times.len()), (12, 13));
+    assert!((channel.times[12] - 1.2).abs() < 1e-5);
+    succeed(
+        folder,
+        &["pose", &humanoid(), "--clip", "walk", "--fps", "5", "--start", "0.2", "--end", "0.6", "-o", "w.ply"],
+    );
+    assert_eq!(names(folder), ["w_0000.ply", "w_0001.ply", "w_0002.ply", "walk.glb"]);
+    let refused =
+        plumbline_in(folder, &["pose", &humanoid(), "--clip", "walk", "--fps", "1000", "--end", "90", "-o", "x.glb"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(err(&refused).contains("90001 poses (at most 9999)"), "{}", err(&refused));
+}
+
+#[test]
+fn pinned_feet_stay_where_the_hips_go() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let pose =
+        r#"{"format": "plumbline.pose", "version": 1, "targets": [{"joint": "hips", "position": [0, 0.75, 0]}]}"#;
+    fs::write(folder.join("p.json"), pose).expect("writable");
+    let args = ["pose", &humanoid(), "--pose", "p.json", "--pin", "foot.L", "foot.R", "-o", "rig.glb", "--rig"];
+    let ran = plumbline_in(folder, &args);
+    assert_eq!((ran.status.code(), err(&ran).contains("missed")), (Some(0), false), "{}", err(&ran));
+    let rest = character_of(&model(Path::new(&humanoid()))).expect("a character");
+    let crouched = character_of(&model(&folder.join("rig.glb"))).expect("a character");
+    let at = |c: &plumbline::shape::character::Character, joint: &str| {
+        c.skeleton.rest_positions()[c.skeleton.named(joint).expect("there") as usize]
+    };
+    for foot in ["foot.L", "foot.R"] {
+        assert!((at(&rest, foot) - at(&crouched, foot)).norm() < 1e-4, "{foot}");
+    }
+    assert!((at(&crouched, "hips").y - 0.75).abs() < 1e-4);
+}

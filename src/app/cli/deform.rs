@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
-use super::mesh_stages::{also_drawn, mesh, saved};
+use super::mesh_stages::{also_drawn, mesh};
 use super::prelude::*;
 use super::render::RenderView;
-use crate::stages::MeshDeformSettings;
+use crate::pipeline::number_for;
+use crate::stages::{MeshDeformSettings, MeshSaveSettings};
+use plumbline_shape::mesh::MeshFormat;
 
 /// Options of `plumbline deform`.
 #[derive(Debug, Args)]
@@ -15,9 +17,13 @@ pub(super) struct DeformArgs {
     input: PathBuf,
     #[command(flatten)]
     deform: Given<Deform>,
-    /// The file to write; its extension chooses the format
+    /// The file to write; its extension chooses the format. Of several poses a .glb or .gltf has all as morph targets
     #[arg(short, long, value_name = "OUTPUT")]
     output: PathBuf,
+    /// Duration of poses as morph targets, in seconds
+    #[arg(long, default_value_t = 2.0, value_name = "S", help_heading = "Writing")]
+    #[arg(value_parser = |text: &str| number_for::<MeshSaveSettings>("seconds", text))]
+    seconds: f64,
 
     /// Also draw the last pose, with the handles as dots
     #[arg(long, value_name = "FILE.png", help_heading = "Writing")]
@@ -51,10 +57,14 @@ impl Offer for Deform {
 impl BuildsPipeline for DeformArgs {
     fn pipeline(&self) -> Result<PipelineFile, Failure> {
         let deform = &self.deform.settings;
+        let moves = matches!(MeshFormat::of_name(&self.output), Some(MeshFormat::Glb | MeshFormat::Gltf));
+        let seconds = (moves && deform.frames > 1).then_some(self.seconds);
+        let (path, frames) = (literal_path(&self.output), deform.frames);
+        let save = MeshSaveSettings { path, frames, seconds, ..MeshSaveSettings::default() };
         let mut stages = vec![
             mesh("mesh", literal_path(&self.input)),
             StageEntry::built("posed", deform).input("mesh", "mesh"),
-            saved(&self.output, deform.frames, "posed"),
+            StageEntry::built("out", &save).input("mesh", "posed"),
         ];
         stages.extend(also_drawn(self.render.as_ref(), &self.view));
         Ok(PipelineFile::built("deform", stages))

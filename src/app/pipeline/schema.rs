@@ -11,6 +11,7 @@ use crate::stages::KINDS;
 use plumbline_camera::lens_file_schema;
 use plumbline_photo::marks::{faces_schema, lines_schema};
 use plumbline_shape::character::pose_file::pose_file_schema;
+use plumbline_shape::character::retargeting::joint_map_schema;
 use plumbline_shape::character::skeleton_file::skeleton_file_schema;
 use plumbline_shape::character::weights_file_schema;
 use plumbline_shape::morph::composition::seam_schema;
@@ -44,6 +45,8 @@ pub enum FileFormat {
     Skeleton,
     /// Poses of a character, for pose --pose
     Pose,
+    /// Which joint follows which, for pose --map
+    JointMap,
     /// Weights of a skin, plumbline.weights
     Weights,
     /// Corresponding points of two meshes, for morph and blend --landmarks
@@ -67,6 +70,7 @@ pub fn schema_of_format(format: FileFormat) -> Json {
         FileFormat::Skeleton => skeleton_file_schema().to_value(),
         FileFormat::Weights => weights_file_schema().to_value(),
         FileFormat::Pose => pose_file_schema().to_value(),
+        FileFormat::JointMap => joint_map_schema().to_value(),
         FileFormat::Landmarks => landmarks_schema().to_value(),
         FileFormat::Paint => paint_schema().to_value(),
         FileFormat::Seam => seam_schema().to_value(),

@@ -145,6 +145,8 @@ pub struct SurfaceSummary {
     pub skeleton: Option<String>,
     /// What became of it and another.
     pub morph: Vec<String>,
+    /// Movements that it took from another skeleton.
+    pub retargeted: Vec<String>,
 }
 
 impl SurfaceSummary {
@@ -160,7 +162,8 @@ impl SurfaceSummary {
         self.weights.iter().try_for_each(|line| writeln!(f, "  weights   {line}"))?;
         self.training.iter().try_for_each(|line| writeln!(f, "  train     {line}"))?;
         self.skeleton.iter().try_for_each(|line| writeln!(f, "  skeleton  {line}"))?;
-        self.morph.iter().try_for_each(|line| writeln!(f, "  morph     {line}"))
+        self.morph.iter().try_for_each(|line| writeln!(f, "  morph     {line}"))?;
+        self.retargeted.iter().try_for_each(|line| writeln!(f, "  motion    {line}"))
     }
 }
 

@@ -8,11 +8,12 @@ use nalgebra::{Matrix4, Point3};
 use serde_json::json;
 
 use super::mesh::binding;
+use super::posing::{MISSED, add_clips, only, retargeted};
 use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::paths::to_path;
 use plumbline_num::run::Run;
-use plumbline_shape::character::ik::{IkMethod, interpolate};
+use plumbline_shape::character::ik::{Goal, IkMethod, IkSolution, Target, interpolate};
 use plumbline_shape::character::io::{Rig, character_of};
 use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::regression::{SkinModel, TrainedSkin};
@@ -70,8 +71,14 @@ pub struct PoseSettings {
     /// The pose: a pose file (JSON; `plumbline schema pose` describes it)
     #[schemars(extend("format" = "path"))]
     pub pose: Option<String>,
-    /// The movement, by its name
+    /// The movement, by its name; of the file `motion_from` where one is given
     pub clip: Option<String>,
+    /// A file whose movements the character takes: glTF, GLB, BVH or our own JSON
+    #[schemars(extend("format" = "path"))]
+    pub motion_from: Option<String>,
+    /// Which joint follows which of `motion_from`, where names do not tell (JSON; `plumbline schema joint-map` describes it)
+    #[schemars(extend("format" = "path"))]
+    pub map: Option<String>,
     /// How the surface follows the joints
     pub skinning: SkinningChoice,
     /// The trained model (.skin) for regression, of this mesh and skeleton
@@ -93,6 +100,9 @@ pub struct PoseSettings {
     pub start: Option<f64>,
     /// End of the animation, seconds; its last key if left out
     pub end: Option<f64>,
+    /// Joints that keep the world position and orientation that they have before the rotations of the pose file, while its
+    /// targets are sought, such as feet
+    pub pin: Vec<String>,
     /// How the targets of a pose file are sought
     pub ik: IkMethod,
     /// Steps toward the targets of a pose file, at most
@@ -108,6 +118,8 @@ impl Default for PoseSettings {
         Self {
             pose: None,
             clip: None,
+            motion_from: None,
+            map: None,
             skinning: SkinningChoice::default(),
             model: None,
             binding: WeightMethod::default(),
@@ -116,6 +128,7 @@ impl Default for PoseSettings {
             frames: 1,
             start: None,
             end: None,
+            pin: Vec::new(),
             ik: IkMethod::default(),
             iterations: 200,
             rig: false,
@@ -141,6 +154,13 @@ impl Stage for PoseSettings {
         if self.pose.is_some() && self.clip.is_some() {
             let help = "name the clip in the pose file (`from`), or leave one out";
             found.push(conflict("clip", "a pose file and a clip are both given", help));
+        }
+        if self.pose.is_some() && self.motion_from.is_some() {
+            found.push(conflict("motion_from", "a pose file and a motion are both given", "leave one out"));
+        }
+        if self.map.is_some() && self.motion_from.is_none() {
+            let help = "give `motion_from`, or leave out `map`";
+            found.push(conflict("map", "a map of joints belongs to a motion of another skeleton", help));
         }
         if self.rig && self.frames > 1 {
             found.push(conflict(
@@ -170,21 +190,30 @@ impl Stage for PoseSettings {
     }
 
     fn reads(&self) -> Vec<&str> {
-        self.pose.iter().chain(&self.model).chain(&self.weights).map(String::as_str).collect()
+        let files = self.pose.iter().chain(&self.model).chain(&self.weights);
+        files.chain(&self.motion_from).chain(&self.map).map(String::as_str).collect()
     }
 
     fn run(&self, (surface, rig): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let file = self.model.as_deref().map(to_path);
         let trained = file.as_deref().map(Trained::read).transpose()?;
-        let character = character(context, &surface.model, rig.as_deref(), trained.as_ref(), self)?;
-        let wanted = poses(context, &character, self)?;
+        let mut character = character(context, &surface.model, rig.as_deref(), trained.as_ref(), self)?;
+        let clip = match self.motion_from.as_deref().map(to_path) {
+            None => self.clip.clone(),
+            Some(source) => {
+                let map = self.map.as_deref().map(to_path);
+                let carried = retargeted(context, &character, &source, map.as_deref(), self.clip.as_deref())?;
+                let shown = only(&carried, self.rig)?;
+                add_clips(&mut character, carried);
+                shown
+            }
+        };
+        let wanted = poses(context, &character, clip.as_deref(), self)?;
         let posed = if self.rig {
             let last = wanted.last().map(|(pose, _)| pose);
-            let mut kept = character;
-            kept.clips.retain(|clip| self.clip.as_deref().is_none_or(|name| clip.name() == name));
             // A movement is shown from rest; a pose is the state of the joints.
-            let shown = if self.clip.is_some() { None } else { last };
-            let model = kept.to_model(shown).map_err(|e| RunError::Internal(e.to_string()))?;
+            let shown = if self.pose.is_some() { last } else { None };
+            let model = character.to_model(shown).map_err(|e| RunError::Internal(e.to_string()))?;
             Posed::at_rest(model)
         } else {
             let positions = skinned(context, &character, &wanted, trained.as_ref(), self)?;
@@ -193,10 +222,6 @@ impl Stage for PoseSettings {
         Ok((posed,))
     }
 }
-
-/// Distance from a target above which it is reported, as a fraction of the model's diagonal: a tenth of a pixel where the model
-/// fills a picture of 1000 px.
-const MISSED: f64 = 1e-4;
 
 /// The surface with its own skin, or bound to the skeleton that is given.
 fn character(
@@ -231,6 +256,7 @@ type Wanted = (Pose, Vec<f64>);
 fn poses(
     context: &mut Context<'_, '_>,
     character: &Character,
+    clip: Option<&str>,
     settings: &PoseSettings,
 ) -> Result<Vec<Wanted>, RunError> {
     let rest = || (character.skeleton.rest_pose(), character.rest_weights());
@@ -238,18 +264,14 @@ fn poses(
     if let Some(path) = settings.pose.as_deref().map(Path::new) {
         // A pose file: solve for its targets once, then interpolate from rest.
         let wanted = TargetPose::read(path, character);
-        let wanted = wanted.map_err(|e| RunError::Input(e.to_string()).about(path.display()))?;
+        let mut wanted = wanted.map_err(|e| RunError::Input(e.to_string()).about(path.display()))?;
+        for name in &settings.pin {
+            wanted.pin(&character.skeleton, character.skeleton.named(name)?)?;
+        }
         let found = wanted.solve(character, settings.ik, settings.iterations as usize, &context.job.run());
         let found = found.map_err(|e| RunError::from(e).about(path.display()))?;
-        // Targets out of reach are reported with their distance.
-        let far = MISSED * character.model.mesh().diagonal();
-        for (k, missed) in found.residuals.iter().enumerate().filter(|(_, m)| **m > far) {
-            let unit = if matches!(wanted.targets[k].goal, plumbline_shape::character::ik::Goal::Position { .. }) {
-                "units"
-            } else {
-                "rad"
-            };
-            context.warn(format!("{}: target {k} is missed by {missed:.3} {unit}", path.display()));
+        for missed in missed(&wanted, &found, character) {
+            context.warn(format!("{}: {missed}", path.display()));
         }
         let (from, weights) = rest();
         let pose = |k: u32| {
@@ -261,7 +283,7 @@ fn poses(
         return (0..settings.frames).map(pose).collect();
     }
     // A movement: sample it. Neither: the character at rest.
-    let Some(name) = &settings.clip else { return Ok(vec![rest(); settings.frames as usize]) };
+    let Some(name) = clip else { return Ok(vec![rest(); settings.frames as usize]) };
     let refused = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
     let clip = character.clip(name).map_err(|e| refused(&e))?;
     let (first, last) = clip.span().unwrap_or((0.0, 0.0));
@@ -272,6 +294,23 @@ fn poses(
         Ok((pose, clip.weights(&character.rest_weights(), time, Extrapolation::Constant).map_err(|e| refused(&e))?))
     };
     (0..settings.frames).map(pose).collect()
+}
+
+/// Targets out of reach, with their distance.
+fn missed(wanted: &TargetPose, found: &IkSolution, character: &Character) -> Vec<String> {
+    let diagonal = character.model.mesh().diagonal();
+    let of = |(k, (target, residual)): (usize, (&Target, &f64))| {
+        let (limit, unit) =
+            if let Goal::Position { .. } = target.goal { (MISSED * diagonal, "units") } else { (MISSED, "rad") };
+        let joint = &character.skeleton.joints()[target.joint as usize].name;
+        let what = if k < wanted.targets.len() {
+            format!("target {k} of joint {joint:?}")
+        } else {
+            format!("pinned joint {joint:?}")
+        };
+        (*residual > limit).then(|| format!("{what} is missed by {residual:.3} {unit}"))
+    };
+    wanted.all_targets().iter().zip(&found.residuals).enumerate().filter_map(of).collect()
 }
 
 /// A model of a file.

@@ -79,6 +79,9 @@ impl Stage for MeshSaveSettings {
             let message = format!("`{name}` is to write {wanted} poses, but the mesh has {poses}");
             return Err(RunError::Usage(format!("{message}; set `frames` of both stages alike")));
         }
+        if self.seconds.is_some() {
+            check_targets(poses, posed.model.mesh().vertex_count())?;
+        }
         let options = WriteOptions { ascii: self.ascii };
         for lost in losses(&posed.model, format) {
             context.warn(format!("{format} cannot store {lost}"));
@@ -97,6 +100,21 @@ impl Stage for MeshSaveSettings {
         }
         Ok((Written,))
     }
+}
+
+/// Largest number of poses in one file: each key has a weight for each of them.
+const MAX_TARGETS: usize = 4096;
+/// Largest number of vertices of all morph targets together: 800 MB in the file, with normals.
+const MAX_TARGET_VERTICES: usize = 1 << 25;
+
+/// Refuses more morph targets than a file should have.
+fn check_targets(poses: usize, vertices: usize) -> Result<(), RunError> {
+    if poses <= MAX_TARGETS && poses.saturating_mul(vertices) <= MAX_TARGET_VERTICES {
+        return Ok(());
+    }
+    let fault = format!("{poses} poses of {vertices} vertices are too many for morph targets of one file");
+    let most = format!("at most {MAX_TARGETS} poses, and {MAX_TARGET_VERTICES} vertices of all together");
+    Err(RunError::Usage(format!("{fault} ({most}); write fewer frames, or a file for each (.ply, .obj, or a folder)")))
 }
 
 /// All poses as one model that goes through them.
@@ -129,5 +147,14 @@ mod tests {
         assert_eq!(files("out/a.b.obj", 2), ["out/a.b_0000.obj", "out/a.b_0001.obj"]);
         let moving = MeshSaveSettings { path: "a.glb".into(), frames: 7, seconds: Some(2.0), ascii: false };
         assert_eq!(moving.files(), ["a.glb"]);
+    }
+
+    #[test]
+    fn morph_targets_are_bounded() {
+        assert!(check_targets(4096, 8192).is_ok());
+        for (poses, vertices) in [(4097, 3), (4096, 8193), (2, usize::MAX)] {
+            let refused = check_targets(poses, vertices).expect_err("too many").to_string();
+            assert!(refused.contains("too many for morph targets of one file (at most 4096 poses"), "{refused}");
+        }
     }
 }

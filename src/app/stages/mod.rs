@@ -43,6 +43,7 @@ mod photo_rectify;
 mod photo_report;
 mod photo_retarget;
 pub mod photo_steps;
+pub(crate) mod posing;
 mod prelude;
 mod probe;
 mod skeleton_extract;

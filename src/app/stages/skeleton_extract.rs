@@ -17,6 +17,7 @@ use plumbline_shape::character::extraction::{
 };
 use plumbline_shape::character::fitting::fit_template;
 use plumbline_shape::character::io::{Rig, read_rig, rig_text};
+use plumbline_shape::character::naming::propose_names;
 use plumbline_shape::character::skeleton_file::SkeletonFile;
 use plumbline_shape::character::weights::{WeightOptions, bone_weights};
 use plumbline_shape::character::{Character, CharacterError, CurveSkeleton, Skeleton, Skin};
@@ -91,7 +92,7 @@ impl Stage for SkeletonExtractSettings {
         warn_of_bounds(context, &report);
         let rig = rig(context, &curve, &report, self)?;
         if let Some(path) = &self.path.as_deref().map(to_path) {
-            let bytes = encoded(path, &posed.model, &rig, &curve, &context.job.run())?;
+            let bytes = encoded(path, &posed.model, &rig, &curve, self.template.is_some(), &context.job.run())?;
             context.write_file(path, bytes)?;
         }
         Ok((Arc::new(rig), Written))
@@ -174,6 +175,12 @@ fn rig(
     let wanted = settings.joints.map(|n| n as usize);
     let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
     report_curve(context, &skeleton, report, settings);
+    let proposed = propose_names(&skeleton, curve);
+    if let (Some(names), Some(surface)) = (&proposed, &mut context.summary.surface) {
+        let line = surface.skeleton.take().unwrap_or_default();
+        surface.skeleton = Some(format!("{line}; names {}", names.summary()));
+    }
+    let skeleton = proposed.map_or(Ok(skeleton.clone()), |names| names.applied(&skeleton))?;
     Ok(Rig { skeleton, clips: Vec::new(), warnings: Vec::new() })
 }
 
@@ -270,14 +277,27 @@ fn write_frame(path: &Path, step: &ContractionStep<'_>, job: &Job<'_>) -> Result
 }
 
 /// The bytes of the file.
-fn encoded(path: &Path, model: &Model, rig: &Rig, curve: &CurveSkeleton, run: &Run) -> Result<Vec<u8>, RunError> {
+fn encoded(
+    path: &Path,
+    model: &Model,
+    rig: &Rig,
+    curve: &CurveSkeleton,
+    of_template: bool,
+    run: &Run,
+) -> Result<Vec<u8>, RunError> {
     let skeleton = &rig.skeleton;
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
     match extension.as_str() {
         "json" => {
-            let file =
-                SkeletonFile { skeleton: skeleton.clone(), curve: Some(curve.clone()), clips: rig.clips.clone() };
+            // The names of a template are someone's.
+            let proposed = if of_template { None } else { propose_names(skeleton, curve) };
+            let file = SkeletonFile {
+                skeleton: skeleton.clone(),
+                curve: Some(curve.clone()),
+                proposed_names: proposed.map(|p| p.summary()),
+                clips: rig.clips.clone(),
+            };
             Ok(file.to_json().into_bytes())
         }
         "glb" | "gltf" => {

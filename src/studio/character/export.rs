@@ -84,7 +84,7 @@ impl CharacterWorkspace {
     pub(super) fn copy_pose(&self, document: &CharacterDocument) -> Result<Answer, StudioError> {
         let skeleton = self.rigs.skeleton(&document.skeleton).ok_or_else(not_ready)?;
         let start = self.shown_now(document)?.unwrap_or_else(|| skeleton.rest_pose());
-        let pose = TargetPose { start, targets: Vec::new(), locked: Vec::new(), weights: Vec::new() };
+        let pose = TargetPose { start, ..TargetPose::default() };
         Ok(Answer::Value(pose.to_json(&skeleton).map_err(fault)?.into()))
     }
 

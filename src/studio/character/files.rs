@@ -258,7 +258,7 @@ fn side_files(
         let name = |j: &u32| skeleton.joints()[*j as usize].name.clone();
         document.pose = Arc::new(PoseDocument {
             joints: offsets(skeleton, &pose.start),
-            targets: pose.targets.into_iter().map(|t| NamedTarget::of(skeleton, t)).collect(),
+            targets: pose.all_targets().into_iter().map(|t| NamedTarget::of(skeleton, t)).collect(),
             locked: pose.locked.iter().map(name).collect(),
         });
     }
@@ -417,7 +417,7 @@ pub(super) fn save(
     let mut clips = clips(skeleton, document)?;
     clips.extend(pose_clips(skeleton, &document.poses)?);
     clips.extend(unkeyed_clips(skeleton, &document.clips)?);
-    let file = SkeletonFile { skeleton: (**skeleton).clone(), curve: None, clips };
+    let file = SkeletonFile { skeleton: (**skeleton).clone(), curve: None, proposed_names: None, clips };
     files.write(&skeleton_file, file.to_json().into_bytes());
     files.write(&weights_file, WeightsFile::of(skeleton, weights).map_err(fault)?.to_json().into_bytes());
     let model = save_model(document, &side(&pipeline, ".skin"), files);

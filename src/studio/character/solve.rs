@@ -19,7 +19,7 @@ pub(super) fn targets(skeleton: &Skeleton, pose: &PoseDocument) -> Vec<Target> {
 pub(super) fn target_pose(skeleton: &Skeleton, document: &PoseDocument) -> TargetPose {
     let locked = document.locked.iter().filter_map(|name| skeleton.find(name)).collect();
     let start = pose_of(skeleton, &document.joints);
-    TargetPose { start, targets: targets(skeleton, document), locked, weights: Vec::new() }
+    TargetPose { start, targets: targets(skeleton, document), locked, ..TargetPose::default() }
 }
 
 /// Options of inverse kinematics, as the pipeline file has them.

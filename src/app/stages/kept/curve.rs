@@ -20,7 +20,7 @@ impl Kept for Extracted {
     fn to_files(&self) -> Option<Vec<Vec<u8>>> {
         // The format is that of a skeleton with its curve.
         let skeleton = skeleton_of(&self.0, None).ok()?;
-        let file = SkeletonFile { skeleton, curve: Some(self.0.clone()), clips: Vec::new() };
+        let file = SkeletonFile { skeleton, curve: Some(self.0.clone()), clips: Vec::new(), proposed_names: None };
         Some(vec![file.to_json().into_bytes(), serde_json::to_vec(&self.1).ok()?])
     }
 

@@ -22,6 +22,6 @@ pub(super) fn digest_of_mesh(mesh: &TriMesh) -> io::Result<String> {
 
 /// BLAKE3 of the file of a skeleton, which has every bit of it.
 pub(super) fn digest_of_skeleton(skeleton: &Skeleton) -> String {
-    let file = SkeletonFile { skeleton: skeleton.clone(), curve: None, clips: Vec::new() };
+    let file = SkeletonFile { skeleton: skeleton.clone(), curve: None, clips: Vec::new(), proposed_names: None };
     blake3::hash(file.to_json().as_bytes()).to_hex().to_string()
 }

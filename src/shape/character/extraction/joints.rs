@@ -3,13 +3,12 @@
 //! Ends and junctions are joints; where a branch deviates from the segment between two joints by more than a fraction of the local radius, the
 //! farthest node becomes one (Douglas–Peucker with relative tolerance). With a prescribed number of joints, bends are added in descending
 //! order of deviation. The root of each component is the joint nearest to the centroid of its nodes, weighted by cubed radii: the center of
-//! volume. Skeletons are trees: a loop is cut at the joint where the paths from the root meet.
+//! volume. Skeletons are trees: a loop is cut at the joint where the paths from the root meet. Joints are in the order of the limbs, each from
+//! the body outward.
 //!
 //! # Reference
 //! D. H. Douglas, T. K. Peucker, *Algorithms for the reduction of the number of points required to represent a digitized line*,
 //! Cartographica 10 (1973).
-
-use std::collections::VecDeque;
 
 use nalgebra::{Point3, Vector3};
 
@@ -134,23 +133,41 @@ fn volume_center(graph: &CurveGraph, start: u32, radius: &dyn Fn(u32) -> f64) ->
     origin + sum / weight
 }
 
-/// Adds the joints of a component, breadth first from the root.
+/// Adds the joints of a component along its limbs: each joint is followed by the limbs that go from it, the longest first, and each of them
+/// from its begin to its end. Parents are those of a breadth-first search, which cuts a loop where the paths from the root meet.
 fn hang(curve: &CurveSkeleton, root: u32, links: &[Vec<u32>], number: &mut [u32], joints: &mut Vec<Joint>) {
-    let mut queue = VecDeque::from([(root, None::<u32>)]);
-    number[root as usize] = u32::MAX - 1;
-    while let Some((v, from)) = queue.pop_front() {
-        let parent = from.map(|u| number[u as usize]);
+    const SEEN: u32 = u32::MAX - 1;
+    let (mut order, mut next) = (vec![(root, None::<usize>)], 0);
+    number[root as usize] = SEEN;
+    while next < order.len() {
+        for &u in &links[order[next].0 as usize] {
+            if number[u as usize] == u32::MAX {
+                number[u as usize] = SEEN;
+                order.push((u, Some(next)));
+            }
+        }
+        next += 1;
+    }
+    let length =
+        |k: usize, p: usize| nalgebra::distance(&curve.nodes[order[k].0 as usize], &curve.nodes[order[p].0 as usize]);
+    // Longest path below each joint, and its children.
+    let (mut below, mut children) = (vec![0.0_f64; order.len()], vec![Vec::new(); order.len()]);
+    for k in (0..order.len()).rev() {
+        let Some(p) = order[k].1 else { continue };
+        below[p] = below[p].max(below[k] + length(k, p));
+        children[p].push(k);
+    }
+    let mut stack = vec![0];
+    while let Some(k) = stack.pop() {
+        let (v, from) = order[k];
+        let parent = from.map(|p| number[order[p].0 as usize]);
         let position = curve.nodes[v as usize];
-        let offset = from.map_or(position.coords, |u| position - curve.nodes[u as usize]);
+        let offset = from.map_or(position.coords, |p| position - curve.nodes[order[p].0 as usize]);
         let j = joints.len() as u32;
         number[v as usize] = j;
         let name = if parent.is_none() && j == 0 { "root".to_owned() } else { format!("joint_{j}") };
         joints.push(Joint { name, parent, rest: Trs::from_translation(offset), limits: None });
-        for &u in &links[v as usize] {
-            if number[u as usize] == u32::MAX {
-                number[u as usize] = u32::MAX - 1;
-                queue.push_back((u, Some(v)));
-            }
-        }
+        children[k].sort_by_key(|&c| (Cost::new(below[c] + length(c, k)), std::cmp::Reverse(c)));
+        stack.append(&mut children[k]);
     }
 }

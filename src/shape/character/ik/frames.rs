@@ -15,6 +15,9 @@ pub(super) struct Frames {
     reach: Vec<f64>,
 }
 
+/// Unit of the residual of a position where no chain has a length.
+const NO_LENGTH: f64 = 1.0;
+
 impl Frames {
     pub(super) fn of(skeleton: &Skeleton, pose: &Pose) -> Result<Self, CharacterError> {
         skeleton.globals(pose)?;
@@ -24,8 +27,15 @@ impl Frames {
     /// Without checks, for a pose known to belong to the skeleton.
     pub(super) fn chained(skeleton: &Skeleton, pose: &Pose) -> Self {
         let joints = skeleton.joint_count();
-        let (mut world, mut rotation) = (vec![Matrix4::identity(); joints], vec![UnitQuaternion::identity(); joints]);
-        let mut reach = vec![0.0; joints];
+        let (world, rotation) = (vec![Matrix4::identity(); joints], vec![UnitQuaternion::identity(); joints]);
+        let mut frames = Self { world, rotation, reach: vec![0.0; joints] };
+        frames.chain(skeleton, pose);
+        frames
+    }
+
+    /// The frames of another pose of the same skeleton.
+    pub(super) fn chain(&mut self, skeleton: &Skeleton, pose: &Pose) {
+        let Self { world, rotation, reach } = self;
         for &j in skeleton.parents_first() {
             let (k, local) = (j as usize, &pose.locals[j as usize]);
             (world[k], rotation[k]) = (local.matrix(), local.rotation);
@@ -35,7 +45,6 @@ impl Frames {
                 reach[k] = reach[parent] + (origin(&world[k]) - origin(&world[parent])).norm();
             }
         }
-        Self { world, rotation, reach }
     }
 
     /// Position of a joint.
@@ -48,12 +57,18 @@ impl Frames {
         self.world[joint as usize].transform_point(point)
     }
 
-    /// Unit of a target's residual: for positions the length of the chain above it, 1 if that is zero; 1 rad otherwise.
+    /// Length of the longest chain; 1 if all are of length zero.
+    pub(super) fn size(&self) -> f64 {
+        let longest = self.reach.iter().copied().fold(0.0, f64::max);
+        if longest > 0.0 { longest } else { NO_LENGTH }
+    }
+
+    /// Unit of a target's residual: for positions the length of the chain above it, that of the longest chain for a root; 1 rad otherwise.
     pub(super) fn scale(&self, target: &Target) -> f64 {
         let Goal::Position { point, .. } = &target.goal else { return 1.0 };
         let tip = (self.point(target.joint, point) - self.at(target.joint)).norm();
         let length = self.reach[target.joint as usize] + tip;
-        if length > 0.0 { length } else { 1.0 }
+        if length > 0.0 { length } else { self.size() }
     }
 }
 

@@ -1,17 +1,33 @@
 //! All targets as one damped least-squares problem.
+//!
+//! There are many more coordinates (three per joint) than residuals (three per target), and all that is added to `JᵀJ` is block-diagonal:
+//! the damping, the stiffness of blocked directions and the pull to rest, together `B`. By the push-through identity the step is
+//!
+//! ```text
+//! (JᵀJ + B) δ = −Jᵀr − g₀        δ = −B⁻¹ (g₀ + Jᵀ y),    (I + J B⁻¹ Jᵀ) y = r − J B⁻¹ g₀
+//! ```
+//!
+//! with `g₀` the gradient of the pull to rest: a system of the size of the residuals, and `J` kept as the 3 × 3 blocks that are not zero.
+//! The cost is linear in the number of joints.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::frames::Frames;
 use super::residual::{Lever, jacobian, residual};
-use super::variables::{Coordinates, Variables};
+use super::variables::{Motion, Variables};
 use super::{Target, above};
 use crate::character::{Pose, Skeleton};
 use plumbline_num::optim::levenberg_marquardt::DampedProblem;
 
 /// Stiffness of a direction blocked by limits, relative to the largest diagonal entry: large enough to stop the step to 1e-8, small enough
-/// for the Cholesky factor to keep half its digits.
+/// for the factor to keep half its digits.
 const BLOCKED_STIFFNESS: f64 = 1e8;
+
+/// A nonzero block of the Jacobian.
+struct Block {
+    target: usize,
+    jacobian: Matrix3<f64>,
+}
 
 /// The problem at the current pose.
 pub(super) struct Problem<'a> {
@@ -24,8 +40,15 @@ pub(super) struct Problem<'a> {
     pose: Pose,
     frames: Frames,
     trial: Pose,
-    hessian: DMatrix<f64>,
-    gradient: DVector<f64>,
+    trial_frames: Frames,
+    /// Weighted residuals, three per target.
+    residuals: DVector<f64>,
+    /// Blocks of the Jacobian by variable, targets ascending.
+    columns: Vec<Vec<Block>>,
+    /// Second derivative and gradient `g₀` of the pull to rest, by variable.
+    to_rest: Vec<(Matrix3<f64>, Vector3<f64>)>,
+    /// Gradient of the cost, by variable.
+    gradient: Vec<Vector3<f64>>,
 }
 
 impl<'a> Problem<'a> {
@@ -37,7 +60,8 @@ impl<'a> Problem<'a> {
         pose: Pose,
         rest: f64,
     ) -> Self {
-        let size = 3 * variables.joints.len();
+        let count = variables.motions.len();
+        let frames = Frames::chained(skeleton, &pose);
         Self {
             skeleton,
             targets,
@@ -45,11 +69,14 @@ impl<'a> Problem<'a> {
             // Chain lengths are constant under rotation of joints.
             scales: targets.iter().map(|t| start.scale(t)).collect(),
             rest,
-            frames: Frames::chained(skeleton, &pose),
+            trial_frames: frames.clone(),
+            frames,
             trial: pose.clone(),
             pose,
-            hessian: DMatrix::zeros(size, size),
-            gradient: DVector::zeros(size),
+            residuals: DVector::zeros(3 * targets.len()),
+            columns: (0..count).map(|_| Vec::new()).collect(),
+            to_rest: vec![(Matrix3::zeros(), Vector3::zeros()); count],
+            gradient: vec![Vector3::zeros(); count],
         }
     }
 
@@ -59,9 +86,9 @@ impl<'a> Problem<'a> {
 
     /// Gradient at the current pose.
     #[cfg(test)]
-    pub(super) fn gradient(&mut self) -> DVector<f64> {
+    pub(super) fn gradient(&mut self) -> Vec<f64> {
         self.linearize();
-        self.gradient.clone()
+        self.gradient.iter().flat_map(|g| [g.x, g.y, g.z]).collect()
     }
 
     /// Cost of the current pose.
@@ -74,102 +101,141 @@ impl<'a> Problem<'a> {
         for (target, scale) in self.targets.iter().zip(&self.scales) {
             cost += 0.5 * (target.weight * residual(target, frames, *scale)).norm_squared();
         }
-        for &j in &self.variables.joints {
-            let (from_rest, _) = Coordinates::of(self.skeleton, pose, j).rotation_from_rest();
-            cost += 0.5 * (self.rest * from_rest).norm_squared();
+        if self.rest > 0.0 {
+            for motion in &self.variables.motions {
+                let (from_rest, _) = motion.at(self.skeleton, pose).rotation_from_rest();
+                cost += 0.5 * (self.rest * from_rest).norm_squared();
+            }
         }
         cost
     }
 
-    fn lever(&self, j: u32) -> Lever {
+    fn lever(&self, motion: Motion) -> Lever {
+        let j = motion.joint();
         let parent = self.skeleton.joints()[j as usize].parent.map(|p| p as usize);
         let linear =
             parent.map_or_else(Matrix3::identity, |p| self.frames.world[p].fixed_view::<3, 3>(0, 0).into_owned());
         let rotation =
             parent.map_or_else(Matrix3::identity, |p| self.frames.rotation[p].to_rotation_matrix().into_inner());
+        let translates = matches!(motion, Motion::Translation(_));
         Lever {
             origin: self.frames.at(j),
             // A singular frame moves nothing that could be measured.
             inverse: linear.try_inverse().unwrap_or_else(Matrix3::zeros),
             linear,
             rotation,
-            velocities: Coordinates::of(self.skeleton, &self.pose, j).velocities(),
+            velocities: if translates {
+                linear * self.variables.unit
+            } else {
+                motion.at(self.skeleton, &self.pose).velocities()
+            },
+            translates,
         }
     }
 
-    /// Stiffens the directions that active limits block (penalty form of an active set).
-    fn stiffen(&self, matrix: &mut DMatrix<f64>) {
-        let most = self.hessian.diagonal().amax().max(f64::MIN_POSITIVE);
-        for (k, &j) in self.variables.joints.iter().enumerate() {
-            let push: Vector3<f64> = -self.gradient.fixed_rows::<3>(3 * k).into_owned();
-            for normal in Coordinates::of(self.skeleton, &self.pose, j).blocked(&push) {
-                let mut block = matrix.fixed_view_mut::<3, 3>(3 * k, 3 * k);
+    /// The inverse block of `B` for each variable; directions that active limits block are stiffened (penalty form of an active set).
+    fn damping(&self, lambda: f64) -> Option<Vec<Matrix3<f64>>> {
+        let diagonal = |k: usize| {
+            let columns = self.columns[k].iter().map(|b| b.jacobian.map(|x| x * x).row_sum().transpose());
+            columns.sum::<Vector3<f64>>() + self.to_rest[k].0.diagonal()
+        };
+        let diagonals: Vec<Vector3<f64>> = (0..self.columns.len()).map(diagonal).collect();
+        let most = diagonals.iter().map(Vector3::amax).fold(f64::MIN_POSITIVE, f64::max);
+        let block = |(k, motion): (usize, &Motion)| {
+            let damped = diagonals[k].map(|d| lambda * d.max(1e-9 * most) + f64::MIN_POSITIVE);
+            let mut block = self.to_rest[k].0 + Matrix3::from_diagonal(&damped);
+            for normal in motion.at(self.skeleton, &self.pose).blocked(&-self.gradient[k]) {
                 block += normal * normal.transpose() * (BLOCKED_STIFFNESS * most);
             }
+            block.cholesky().map(|factor| factor.inverse())
+        };
+        self.variables.motions.iter().enumerate().map(block).collect()
+    }
+
+    /// The damped step, by variable.
+    fn step(&self, inverse: &[Matrix3<f64>]) -> Option<Vec<Vector3<f64>>> {
+        let rows = self.residuals.len();
+        let (mut system, mut right) = (DMatrix::identity(rows, rows), self.residuals.clone());
+        for ((column, inverse), (_, to_rest)) in self.columns.iter().zip(inverse).zip(&self.to_rest) {
+            for (i, a) in column.iter().enumerate() {
+                let scaled = a.jacobian * inverse;
+                let mut rows = right.fixed_rows_mut::<3>(3 * a.target);
+                rows -= scaled * to_rest;
+                for b in &column[..=i] {
+                    // Targets ascend: this is the lower triangle, all that the factorization reads.
+                    let mut block = system.fixed_view_mut::<3, 3>(3 * a.target, 3 * b.target);
+                    block += scaled * b.jacobian.transpose();
+                }
+            }
         }
+        let y = system.cholesky()?.solve(&right);
+        let along = |k: usize| {
+            let pulled = self.columns[k].iter().map(|b| b.jacobian.transpose() * y.fixed_rows::<3>(3 * b.target));
+            -inverse[k] * (self.to_rest[k].1 + pulled.sum::<Vector3<f64>>())
+        };
+        Some((0..self.columns.len()).map(along).collect())
+    }
+
+    /// Decrease of the cost that the quadratic model predicts for a step.
+    fn predicted(&self, step: &[Vector3<f64>]) -> f64 {
+        let mut moved = DVector::<f64>::zeros(self.residuals.len());
+        let mut change = 0.0;
+        for (k, step) in step.iter().enumerate() {
+            for block in &self.columns[k] {
+                let mut rows = moved.fixed_rows_mut::<3>(3 * block.target);
+                rows += block.jacobian * step;
+            }
+            change += self.gradient[k].dot(step) + 0.5 * step.dot(&(self.to_rest[k].0 * step));
+        }
+        -(change + 0.5 * moved.norm_squared())
     }
 }
 
 impl DampedProblem for Problem<'_> {
     fn linearize(&mut self) {
-        self.hessian.fill(0.0);
-        self.gradient.fill(0.0);
-        let joints = &self.variables.joints;
-        let levers: Vec<Lever> = joints.iter().map(|&j| self.lever(j)).collect();
+        let motions = &self.variables.motions;
+        let levers: Vec<Lever> = motions.iter().map(|motion| self.lever(*motion)).collect();
+        self.columns.iter_mut().for_each(Vec::clear);
+        self.gradient.fill(Vector3::zeros());
         for (t, (target, scale)) in self.targets.iter().zip(&self.scales).enumerate() {
             let r = residual(target, &self.frames, *scale) * target.weight;
-            let columns: Vec<(usize, Matrix3<f64>)> = self.variables.of_target[t]
-                .iter()
-                .map(|&k| {
-                    let moves = |j: u32| j == joints[k] || above(self.skeleton, j, joints[k]);
-                    (k, jacobian(target, &self.frames, *scale, &levers[k], moves) * target.weight)
-                })
-                .collect();
-            for (k, a) in &columns {
-                let mut rows = self.gradient.fixed_rows_mut::<3>(3 * k);
-                rows += a.transpose() * r;
-                for (l, b) in &columns {
-                    let mut block = self.hessian.fixed_view_mut::<3, 3>(3 * k, 3 * l);
-                    block += a.transpose() * b;
-                }
+            self.residuals.fixed_rows_mut::<3>(3 * t).copy_from(&r);
+            for &k in &self.variables.of_target[t] {
+                let joint = motions[k].joint();
+                let moves = |j: u32| j == target.joint || j == joint || above(self.skeleton, j, joint);
+                let jacobian = jacobian(target, &self.frames, *scale, &levers[k], moves) * target.weight;
+                self.gradient[k] += jacobian.transpose() * r;
+                self.columns[k].push(Block { target: t, jacobian });
             }
         }
-        for (k, &j) in joints.iter().enumerate() {
-            let (from_rest, change) = Coordinates::of(self.skeleton, &self.pose, j).rotation_from_rest();
-            let weight = self.rest * self.rest;
-            let mut rows = self.gradient.fixed_rows_mut::<3>(3 * k);
-            rows += change.transpose() * from_rest * weight;
-            let mut block = self.hessian.fixed_view_mut::<3, 3>(3 * k, 3 * k);
-            block += change.transpose() * change * weight;
+        if self.rest > 0.0 {
+            for (k, motion) in motions.iter().enumerate() {
+                let (from_rest, change) = motion.at(self.skeleton, &self.pose).rotation_from_rest();
+                let weighted = change.transpose() * (self.rest * self.rest);
+                self.to_rest[k] = (weighted * change, weighted * from_rest);
+                self.gradient[k] += self.to_rest[k].1;
+            }
         }
     }
 
     fn propose(&mut self, lambda: f64) -> Option<f64> {
-        let mut damped = self.hessian.clone();
-        let least = damped.diagonal().amax() * 1e-9;
-        for k in 0..damped.nrows() {
-            damped[(k, k)] += lambda * damped[(k, k)].max(least) + f64::MIN_POSITIVE;
+        let mut step = self.step(&self.damping(lambda)?)?;
+        for (motion, step) in self.variables.motions.iter().zip(&mut step) {
+            let local = &mut self.trial.locals[motion.joint() as usize];
+            *step = motion.at(self.skeleton, &self.pose).stepped(*step, self.variables.unit, local);
         }
-        self.stiffen(&mut damped);
-        let step = -damped.cholesky()?.solve(&self.gradient);
-        let mut taken = step.clone();
-        for (k, &j) in self.variables.joints.iter().enumerate() {
-            let part: Vector3<f64> = step.fixed_rows::<3>(3 * k).into_owned();
-            let (rotation, possible) = Coordinates::of(self.skeleton, &self.pose, j).stepped(part);
-            self.trial.locals[j as usize].rotation = rotation;
-            taken.fixed_rows_mut::<3>(3 * k).copy_from(&possible);
-        }
-        let gain = -(self.gradient.dot(&taken) + 0.5 * taken.dot(&(&self.hessian * &taken)));
+        let gain = self.predicted(&step);
         // A step that projection onto the limits turned uphill is rejected; more damping shortens it.
-        (gain > 0.0 || taken.amax() == 0.0).then_some(gain.max(0.0))
+        (gain > 0.0 || step.iter().all(|s| s.amax() == 0.0)).then_some(gain.max(0.0))
     }
 
     fn trial_cost(&mut self) -> f64 {
-        self.cost_of(&self.trial, &Frames::chained(self.skeleton, &self.trial))
+        self.trial_frames.chain(self.skeleton, &self.trial);
+        self.cost_of(&self.trial, &self.trial_frames)
     }
 
     fn accept(&mut self) {
         self.pose.clone_from(&self.trial);
-        self.frames = Frames::chained(self.skeleton, &self.pose);
+        std::mem::swap(&mut self.frames, &mut self.trial_frames);
     }
 }

@@ -13,7 +13,8 @@
 //!
 //! The coordinates of a joint with limits are its swing and twist, in which limits are convex; other joints use rotation vectors. Steps
 //! are Levenberg–Marquardt with an active set of limits; each step is projected onto the limits and accepted only if it lowers the cost.
-//! Every intermediate pose is therefore within the limits, and bone lengths are constant because joints only rotate. Degrees of freedom
+//! Every intermediate pose is therefore within the limits, and bone lengths are constant because joints only rotate. The root, which the
+//! body hangs on ([`body_roots`]), stays unless a target is on it; a position target moves it, too. Degrees of freedom
 //! that the targets leave open stay near the initial guess, by the damping. With `μ > 0`, `½ μ² Σ ‖rotation from rest‖²` is added in a
 //! first run, which draws joints to rest; a second run without it meets the targets.
 //!
@@ -150,18 +151,63 @@ pub struct IkOptions {
     pub rest: f64,
     /// Joints that do not rotate.
     pub locked: Vec<u32>,
+    /// Motion of the root. Default: pinned.
+    pub root: RootMotion,
 }
 
 impl Default for IkOptions {
     fn default() -> Self {
-        Self { method: IkMethod::default(), iterations: 200, tolerance: 1e-9, rest: 0.0, locked: Vec::new() }
+        Self {
+            method: IkMethod::default(),
+            iterations: 200,
+            tolerance: 1e-9,
+            rest: 0.0,
+            locked: Vec::new(),
+            root: RootMotion::default(),
+        }
     }
+}
+
+/// Motion of the root of a body ([`body_roots`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum RootMotion {
+    /// It stays, unless a target is on it: a position moves it, any target rotates it
+    #[default]
+    Pinned,
+    /// It rotates for all targets, and does not move
+    Rotates,
+}
+
+/// The joints that a body hangs on: of each root with several limbs the first joint from which they go, and its ancestors.
+///
+/// A skeleton that does not branch is a limb alone, whose first joint rotates like the others.
+///
+/// ```
+/// use plumbline_shape::character::humanoid::humanoid;
+/// use plumbline_shape::character::ik::body_roots;
+///
+/// let skeleton = humanoid(0.1)?.skeleton;
+/// assert_eq!(body_roots(&skeleton), [skeleton.named("hips")?]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn body_roots(skeleton: &Skeleton) -> Vec<u32> {
+    let mut roots = Vec::new();
+    for root in skeleton.roots() {
+        let only = |j: &u32| if let [child] = skeleton.children(*j) { Some(*child) } else { None };
+        let trunk: Vec<u32> = std::iter::successors(Some(root), only).collect();
+        if trunk.last().is_some_and(|last| !skeleton.children(*last).is_empty()) {
+            roots.extend(trunk);
+        }
+    }
+    roots
 }
 
 /// A pose and its residuals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IkSolution {
-    /// The pose: within all limits; only rotations differ from the initial guess.
+    /// The pose: within all limits; only rotations differ from the initial guess, and the translation of a root with a position target.
     pub pose: Pose,
     /// Residual of each target: units of the model for positions, rad otherwise.
     pub residuals: Vec<f64>,
@@ -171,15 +217,24 @@ pub struct IkSolution {
     pub converged: bool,
 }
 
-/// Cost ratio below which a second attempt from a bent pose replaces the first result. Well below 1, so that two attempts of similar
+/// Cost ratio below which another attempt from a bent pose replaces the best before. Well below 1, so that two attempts of similar
 /// quality do not alternate from frame to frame.
 const MAX_RETRY_COST_RATIO: f64 = 0.25;
 /// Largest residual of a met target, in its unit.
 const MET_TOLERANCE: f64 = 1e-6;
 /// Largest number of steps toward rest: along the curved valley of poses that meet the targets steps are short.
 const MAX_REST_ITERATIONS: usize = 50;
-/// Rotation of each joint before the second attempt, rad: enough to leave the singularity of a straight chain.
-const RETRY_BEND: f64 = 0.3;
+/// Largest number of targets: a solve is cubic in it, and this many take about a second.
+pub const MAX_TARGETS: usize = 256;
+/// Largest number of joints that move targets, summed over the targets: 100 MB.
+const MAX_BLOCKS: usize = 1 << 20;
+/// Steps of an attempt. Reachable targets take 5 to 15; of 5,000 random poses of a person of 60 joints 96.5 % were reached with one attempt of
+/// 200 steps and another from a bent pose, 99.7 % with the attempts below, in half the time.
+const ATTEMPT_ITERATIONS: usize = 30;
+/// Rotation of each joint before the further attempts, rad. The first is enough to leave the singularity of a straight chain with a target
+/// on its line, where the gradient is zero; the larger ones leave a minimum in which joints at their limits block one another. Growth
+/// matters more than number: six attempts at ±0.8 reach 98.5 %.
+const RETRY_BENDS: [f64; 6] = [0.3, -0.8, 1.3, -1.8, 2.3, -2.8];
 
 /// Rotates joints so that targets are met in the least-squares sense. Joints outside their limits are first projected onto them.
 ///
@@ -222,7 +277,12 @@ pub fn solve(
         return single_chain::solve(skeleton, allowed, targets, options, run);
     }
     let frames = Frames::of(skeleton, &allowed)?;
-    let variables = Variables::of(skeleton, targets, options);
+    let variables = Variables::of(skeleton, targets, options, frames.size());
+    let blocks: usize = variables.of_target.iter().map(Vec::len).sum();
+    if blocks > MAX_BLOCKS {
+        let fault = format!("{} targets move {blocks} joints in all (at most {MAX_BLOCKS})", targets.len());
+        return Err(CharacterError::Input(format!("{fault}; give fewer targets, or shorter chains")));
+    }
     let run_with = |pose: Pose, rest: f64, iterations: usize| {
         let mut problem = Problem::new(skeleton, targets, &variables, &frames, pose, rest);
         let cost = problem.cost();
@@ -236,22 +296,29 @@ pub fn solve(
         let report = minimize(&mut problem, cost, &damping, run)?;
         Ok::<_, CharacterError>((problem.into_pose(), report))
     };
-    let meet = |pose: Pose| run_with(pose, 0.0, options.iterations);
     let first = if options.rest > 0.0 {
         run_with(allowed, options.rest, options.iterations.min(MAX_REST_ITERATIONS))?.0
     } else {
         allowed
     };
-    let (mut pose, mut report) = meet(first)?;
     let residuals = |pose: &Pose| residual::residuals(targets, &Frames::chained(skeleton, pose));
-    let unmet = |pose: &Pose| residuals(pose).iter().zip(targets).any(|(m, t)| *m > MET_TOLERANCE * frames.scale(t));
-    if unmet(&pose) {
-        // A straight chain with a target on its line has zero gradient.
-        let (second, other) = meet(variables.bent(skeleton, &pose, RETRY_BEND))?;
-        if other.cost < MAX_RETRY_COST_RATIO * report.cost {
-            (pose, report) = (second, other);
+    let met = |pose: &Pose| residuals(pose).iter().zip(targets).all(|(m, t)| *m <= MET_TOLERANCE * frames.scale(t));
+    let (mut pose, mut report) = run_with(first, 0.0, options.iterations.min(ATTEMPT_ITERATIONS))?;
+    let (mut steps, mut attempt) = (report.iterations, 0);
+    while attempt < RETRY_BENDS.len() && steps < options.iterations && !met(&pose) {
+        let bent = variables.bent(skeleton, &pose, RETRY_BENDS[attempt]);
+        let (other, its) = run_with(bent, 0.0, (options.iterations - steps).min(ATTEMPT_ITERATIONS))?;
+        (steps, attempt) = (steps + its.iterations, attempt + 1);
+        if its.cost < MAX_RETRY_COST_RATIO * report.cost {
+            (pose, report) = (other, its);
         }
     }
+    if !report.converged && !met(&pose) {
+        // Out of reach, or slow: the best attempt goes on.
+        (pose, report) = run_with(pose, 0.0, options.iterations)?;
+        steps += report.iterations;
+    }
+    report.iterations = steps;
     Ok(IkSolution { residuals: residuals(&pose), pose, iterations: report.iterations, converged: report.converged })
 }
 
@@ -318,6 +385,9 @@ pub fn within_limits(skeleton: &Skeleton, pose: &Pose) -> Pose {
 }
 
 fn check(skeleton: &Skeleton, targets: &[Target]) -> Result<(), CharacterError> {
+    if targets.len() > MAX_TARGETS {
+        return Err(CharacterError::Input(format!("{} targets are too many (at most {MAX_TARGETS})", targets.len())));
+    }
     for (number, target) in targets.iter().enumerate() {
         let mut named = vec![target.joint];
         let finite = match &target.goal {

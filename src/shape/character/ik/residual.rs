@@ -6,27 +6,32 @@ use super::frames::Frames;
 use super::variables::left_jacobian;
 use super::{Goal, Target};
 
-/// Effect of a joint's rotation on its descendants: the angular velocity `ω` of the parent's frame moves the point `p` by
-/// `A (ω × A⁻¹ (p − o))` and rotates its frame by `R ω`.
+/// Effect of the coordinates of a joint on its descendants: the angular velocity `ω` of the parent's frame moves the point `p` by
+/// `A (ω × A⁻¹ (p − o))` and rotates its frame by `R ω`; a velocity moves all points alike.
 pub(super) struct Lever {
     pub(super) origin: Point3<f64>,
     pub(super) linear: Matrix3<f64>,
     pub(super) inverse: Matrix3<f64>,
     pub(super) rotation: Matrix3<f64>,
-    /// Angular velocities of the joint's coordinates, as columns.
+    /// Angular velocities of the joint's coordinates in the parent's frame, or their velocities in the world, as columns.
     pub(super) velocities: Matrix3<f64>,
+    /// Whether the coordinates are those of a translation.
+    pub(super) translates: bool,
 }
 
 impl Lever {
     /// Velocity of a point per coordinate, as columns.
     fn of_point(&self, p: &Point3<f64>) -> Matrix3<f64> {
+        if self.translates {
+            return self.velocities;
+        }
         let arm = self.inverse * (p - self.origin);
         -self.linear * arm.cross_matrix() * self.velocities
     }
 
     /// World angular velocity per coordinate, as columns.
     fn of_rotation(&self) -> Matrix3<f64> {
-        self.rotation * self.velocities
+        if self.translates { Matrix3::zeros() } else { self.rotation * self.velocities }
     }
 }
 

@@ -4,7 +4,10 @@
 use nalgebra::Point3;
 
 use super::frames::Frames;
-use super::{Goal, IkMethod, IkOptions, IkSolution, Target, ccd, fabrik, no_chain, residual, two_bone, within_limits};
+use super::{
+    Goal, IkMethod, IkOptions, IkSolution, RootMotion, Target, body_roots, ccd, fabrik, no_chain, residual, two_bone,
+    within_limits,
+};
 use crate::character::{CharacterError, Pose, Skeleton};
 use plumbline_num::run::Run;
 
@@ -32,7 +35,7 @@ pub(super) fn solve(
             _ => return Err(refused("it brings the origins of joints to positions, nothing else")),
         };
         let parent = |j: u32| skeleton.joints()[j as usize].parent;
-        let joints = target.chain.unwrap_or(usize::MAX);
+        let joints = target.chain.unwrap_or(usize::MAX).min(below_root(skeleton, target.joint, options.root));
         let mut chain = std::iter::successors(parent(target.joint), |&j| parent(j)).take(joints);
         if chain.any(|j| options.locked.contains(&j)) {
             return Err(refused("a joint of the chain is locked"));
@@ -51,6 +54,16 @@ pub(super) fn solve(
     }
     let residuals = residual::residuals(targets, &Frames::of(skeleton, &pose)?);
     Ok(IkSolution { pose, residuals, iterations, converged })
+}
+
+/// Number of ancestors below the pinned root; all ancestors where the target is on the root itself.
+fn below_root(skeleton: &Skeleton, joint: u32, root: RootMotion) -> usize {
+    let roots = body_roots(skeleton);
+    if root == RootMotion::Rotates || roots.contains(&joint) {
+        return usize::MAX;
+    }
+    let parent = |j: &u32| skeleton.joints()[*j as usize].parent;
+    std::iter::successors(parent(&joint), parent).take_while(|j| !roots.contains(j)).count()
 }
 
 /// The closed form: root and middle joint are those of a pole of the same joint, or its two ancestors.

@@ -238,25 +238,26 @@ fn jacobians_agree_with_finite_differences_also_under_scaled_frames() {
         target(3, Goal::LookAt { axis: Vector3::y_axis(), at: Point3::new(2.0, 0.1, 0.3) }),
         target(4, Goal::Pole { root: 1, middle: 2, at: Point3::new(-1.0, 2.0, 0.5) }),
     ];
-    let options = IkOptions::default();
-    let variables = Variables::of(&skeleton, &targets, &options);
+    let (options, pose_at) = (IkOptions::default(), pose.clone());
+    let variables = Variables::of(&skeleton, &targets, &options, 1.0);
     let frames = Frames::chained(&skeleton, &pose);
     for each in &targets {
         let cost = |pose: &Pose| {
             let one = std::slice::from_ref(each);
-            let of = Variables::of(&skeleton, one, &options);
+            let of = Variables::of(&skeleton, one, &options, 1.0);
             Problem::new(&skeleton, one, &of, &frames, pose.clone(), 0.3).cost()
         };
         let one = std::slice::from_ref(each);
-        let of = Variables::of(&skeleton, one, &options);
+        let of = Variables::of(&skeleton, one, &options, 1.0);
         let mut problem = Problem::new(&skeleton, one, &of, &frames, pose.clone(), 0.3);
         let gradient = problem.gradient();
-        for (k, &j) in of.joints.iter().enumerate() {
+        for (k, motion) in of.motions.iter().enumerate() {
+            let j = motion.joint();
             for axis in 0..3 {
                 let moved = |by: f64| {
-                    let (rotation, _) = variables::Coordinates::of(&skeleton, &pose, j).stepped(Vector3::ith(axis, by));
                     let mut pose = pose.clone();
-                    pose.locals[j as usize].rotation = rotation;
+                    let local = &mut pose.locals[j as usize];
+                    motion.at(&skeleton, &pose_at).stepped(Vector3::ith(axis, by), 1.0, local);
                     pose
                 };
                 let difference = (cost(&moved(1e-5)) - cost(&moved(-1e-5))) / 2e-5;
@@ -268,7 +269,7 @@ fn jacobians_agree_with_finite_differences_also_under_scaled_frames() {
             }
         }
     }
-    assert_eq!(variables.joints, [0, 1, 2, 3, 4]);
+    assert_eq!(variables.motions, [0, 1, 2, 3, 4].map(variables::Motion::Rotation));
 }
 
 #[test]
@@ -346,4 +347,78 @@ fn methods_of_single_chains_meet_positions_and_refuse_other_goals() {
     }
     let both = solve_by(IkMethod::TwoBone, &[two, toward], Vec::new()).expect("valid");
     assert!(both.residuals.iter().all(|residual| *residual < 1e-5), "{:?}", both.residuals);
+}
+
+fn person() -> Skeleton {
+    crate::character::humanoid::humanoid(0.15).expect("made").skeleton
+}
+
+#[test]
+fn the_root_stays_unless_a_target_is_on_it() {
+    let skeleton = person();
+    let (rest, named) = (skeleton.rest_pose(), |name: &str| skeleton.named(name).expect("there"));
+    let (hips, hand) = (named("hips"), named("hand.L"));
+    let frames = Frames::chained(&skeleton, &rest);
+    let solved = |targets: &[Target], options: &IkOptions| {
+        solve(&skeleton, &rest, targets, options, &Run::default()).expect("valid")
+    };
+    let forward = Target::position(hand, Point3::new(0.2, 1.0, 0.45));
+    for method in [IkMethod::LeastSquares, IkMethod::Ccd, IkMethod::Fabrik] {
+        let found = solved(std::slice::from_ref(&forward), &IkOptions { method, ..IkOptions::default() });
+        assert_eq!(found.pose.locals[hips as usize], rest.locals[hips as usize], "{method:?}");
+    }
+    let rotates =
+        solved(std::slice::from_ref(&forward), &IkOptions { root: RootMotion::Rotates, ..IkOptions::default() });
+    assert!(rotates.pose.locals[hips as usize].rotation.angle() > 0.01);
+    assert_eq!(rotates.pose.locals[hips as usize].translation, rest.locals[hips as usize].translation);
+    // A crouch: the hips go down, and the knees bend over feet that stay.
+    let mut targets = vec![Target::position(hips, frames.at(hips) + Vector3::new(0.02, -0.1, 0.0)), forward];
+    for foot in ["foot.L", "foot.R"].map(named) {
+        targets.push(Target::position(foot, frames.at(foot)));
+        let goal = Goal::Orientation(frames.rotation[foot as usize]);
+        targets.push(Target { goal, ..Target::position(foot, Point3::origin()) });
+    }
+    let found = solved(&targets, &IkOptions::default());
+    assert!(found.residuals.iter().all(|r| *r < 1e-5), "{:?}", found.residuals);
+    assert!(within(&skeleton, &found.pose));
+    let knee = found.pose.locals[named("shin.L") as usize].rotation.angle();
+    assert!(knee > 0.5, "the knee bends by {knee} rad");
+}
+
+#[test]
+fn poses_of_a_person_within_the_limits_are_reached_within_them() {
+    let skeleton = person();
+    let sought =
+        ["hand.L", "hand.R", "foot.L", "toes.R", "head end", "forearm.L"].map(|n| skeleton.named(n).expect("there"));
+    let mut rng = fastrand::Rng::with_seed(7);
+    let mut reached = 0;
+    for _ in 0..200 {
+        let mut pose = skeleton.rest_pose();
+        for (joint, local) in skeleton.joints().iter().zip(&mut pose.locals) {
+            let Some(limits) = joint.limits else { continue };
+            let swing = nalgebra::Vector2::new(rng.f64() * 2.0 - 1.0, rng.f64() * 2.0 - 1.0) * limits.swing[0];
+            let twist = limits.twist[0] + (limits.twist[1] - limits.twist[0]) * rng.f64();
+            let at = limits.nearest(&crate::character::SwingTwist { swing, twist });
+            local.rotation = joint.rest.rotation * limits.rotation(&at);
+        }
+        let at = Frames::chained(&skeleton, &pose);
+        let targets = sought.map(|j| Target::position(j, at.at(j)));
+        let found = solve(&skeleton, &skeleton.rest_pose(), &targets, &IkOptions::default(), &Run::default());
+        let found = found.expect("valid");
+        assert!(within(&skeleton, &found.pose));
+        reached += usize::from(found.residuals.iter().all(|r| *r < 1e-5));
+    }
+    assert!(reached >= 196, "{reached} of 200");
+}
+
+#[test]
+fn targets_beyond_the_bounds_are_refused() {
+    let skeleton = chain(&[1.0, 1.0], None);
+    let many = vec![Target::position(2, Point3::origin()); MAX_TARGETS + 1];
+    let refused = solve(&skeleton, &skeleton.rest_pose(), &many, &IkOptions::default(), &Run::default());
+    assert_eq!(refused.expect_err("too many").to_string(), "257 targets are too many (at most 256)");
+    let long = chain(&vec![1.0; 5000], None);
+    let many = vec![Target::position(5000, Point3::origin()); MAX_TARGETS];
+    let refused = solve(&long, &long.rest_pose(), &many, &IkOptions::default(), &Run::default());
+    assert!(refused.expect_err("too many").to_string().starts_with("256 targets move 1280256 joints in all"));
 }

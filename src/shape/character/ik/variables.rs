@@ -1,49 +1,135 @@
-//! The movable joints and the coordinates of their rotations.
+//! The movable joints and their coordinates.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::{IkOptions, Target};
+use super::{Goal, IkOptions, RootMotion, Target, body_roots};
 use crate::character::{Limits, Pose, Skeleton, SwingTwist};
+use plumbline_num::math::Trs;
 
 /// Distance from a limit at which it is active, rad: above the rounding of a projection.
 const ACTIVE_TOLERANCE: f64 = 1e-9;
 
-/// Movable joints, with three coordinates each.
+/// Three coordinates of a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Motion {
+    /// Its rotation.
+    Rotation(u32),
+    /// Its translation: of a root that a position is sought for.
+    Translation(u32),
+}
+
+impl Motion {
+    pub(super) fn joint(self) -> u32 {
+        let (Self::Rotation(joint) | Self::Translation(joint)) = self;
+        joint
+    }
+
+    /// The coordinates in a pose.
+    pub(super) fn at<'a>(self, skeleton: &'a Skeleton, pose: &Pose) -> At<'a> {
+        match self {
+            Self::Rotation(joint) => At::Rotation(Coordinates::of(skeleton, pose, joint)),
+            Self::Translation(joint) => At::Translation(pose.locals[joint as usize].translation),
+        }
+    }
+}
+
+/// What can move, with three coordinates each.
 pub(super) struct Variables {
-    pub(super) joints: Vec<u32>,
-    /// For each target the variables (indices into `joints`) that affect it.
+    pub(super) motions: Vec<Motion>,
+    /// For each target the variables (indices into `motions`) that affect it.
     pub(super) of_target: Vec<Vec<usize>>,
+    /// Unit of translations, so that they compare to angles: the length of the longest chain, units of the model.
+    pub(super) unit: f64,
 }
 
 impl Variables {
-    pub(super) fn of(skeleton: &Skeleton, targets: &[Target], options: &IkOptions) -> Self {
-        let parent = |j: u32| skeleton.joints()[j as usize].parent;
-        let mut moves = vec![false; skeleton.joint_count()];
-        for target in targets {
-            let chain = std::iter::successors(Some(target.joint), |&j| parent(j));
-            let count = target.chain.map_or(usize::MAX, |n| n.saturating_add(1));
-            chain.take(count).for_each(|j| moves[j as usize] = true);
-        }
-        let movable = |j: &u32| moves[*j as usize] && !options.locked.contains(j);
-        let joints: Vec<u32> = skeleton.parents_first().iter().copied().filter(movable).collect();
-        let above = |target: &Target| {
-            let chain: Vec<u32> = std::iter::successors(Some(target.joint), |&j| parent(j)).collect();
-            (0..joints.len()).filter(|&k| chain.contains(&joints[k])).collect()
+    pub(super) fn of(skeleton: &Skeleton, targets: &[Target], options: &IkOptions, unit: f64) -> Self {
+        let chain = |target: &Target| {
+            let parent = |j: &u32| skeleton.joints()[*j as usize].parent;
+            std::iter::successors(Some(target.joint), parent)
         };
-        let of_target = targets.iter().map(above).collect();
-        Self { joints, of_target }
+        let mut rotates = vec![false; skeleton.joint_count()];
+        for target in targets {
+            let count = target.chain.map_or(usize::MAX, |n| n.saturating_add(1));
+            chain(target).take(count).for_each(|j| rotates[j as usize] = true);
+        }
+        let mut translates = vec![false; skeleton.joint_count()];
+        if options.root == RootMotion::Pinned {
+            for root in body_roots(skeleton) {
+                rotates[root as usize] = targets.iter().any(|t| t.joint == root);
+                let sought = |t: &Target| t.joint == root && matches!(t.goal, Goal::Position { .. });
+                translates[root as usize] = targets.iter().any(sought);
+            }
+        }
+        for &joint in &options.locked {
+            if let Some(rotates) = rotates.get_mut(joint as usize) {
+                (*rotates, translates[joint as usize]) = (false, false);
+            }
+        }
+        let (mut motions, mut of_joint) = (Vec::new(), vec![0..0; skeleton.joint_count()]);
+        for &j in skeleton.parents_first() {
+            let first = motions.len();
+            motions.extend(rotates[j as usize].then_some(Motion::Rotation(j)));
+            motions.extend(translates[j as usize].then_some(Motion::Translation(j)));
+            of_joint[j as usize] = first..motions.len();
+        }
+        let of_target = targets.iter().map(|t| chain(t).flat_map(|j| of_joint[j as usize].clone()).collect()).collect();
+        Self { motions, of_target, unit }
     }
 
-    /// The pose with every movable joint rotated by `angle` within its limits; the axes differ from joint to joint to avoid symmetry.
+    /// The pose with every rotating joint rotated by `angle` within its limits; the axes differ from joint to joint to avoid symmetry.
     pub(super) fn bent(&self, skeleton: &Skeleton, pose: &Pose, angle: f64) -> Pose {
         let mut pose = pose.clone();
-        for (k, &j) in self.joints.iter().enumerate() {
+        for (k, motion) in self.motions.iter().enumerate() {
+            let Motion::Rotation(j) = motion else { continue };
             let k = k as f64;
             let axis = Vector3::new(1.0, 0.3 * (k + 1.0).sin(), 0.7 * (2.0 * k + 0.5).cos()).normalize();
-            let local = &mut pose.locals[j as usize];
+            let local = &mut pose.locals[*j as usize];
             local.rotation *= UnitQuaternion::from_scaled_axis(axis * angle);
         }
         super::within_limits(skeleton, &pose)
+    }
+}
+
+/// The coordinates of a motion in a pose.
+pub(super) enum At<'a> {
+    Rotation(Coordinates<'a>),
+    Translation(Vector3<f64>),
+}
+
+impl At<'_> {
+    /// Angular velocities, in the parent's frame, of the three coordinates, as columns; zero for a translation.
+    pub(super) fn velocities(&self) -> Matrix3<f64> {
+        if let Self::Rotation(coordinates) = self { coordinates.velocities() } else { Matrix3::zeros() }
+    }
+
+    /// Takes a step, projected onto the limits, and returns the step actually taken.
+    pub(super) fn stepped(&self, step: Vector3<f64>, unit: f64, local: &mut Trs) -> Vector3<f64> {
+        match self {
+            Self::Translation(from) => {
+                local.translation = from + step * unit;
+                step
+            }
+            Self::Rotation(coordinates) => {
+                let (rotation, taken) = coordinates.stepped(step);
+                local.rotation = rotation;
+                taken
+            }
+        }
+    }
+
+    /// Normals of the active limits against which the gradient pushes.
+    pub(super) fn blocked(&self, push: &Vector3<f64>) -> Vec<Vector3<f64>> {
+        if let Self::Rotation(coordinates) = self { coordinates.blocked(push) } else { Vec::new() }
+    }
+
+    /// Rotation from rest in coordinates, and its derivative in ours; zero for a translation, which nothing draws to rest.
+    pub(super) fn rotation_from_rest(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        if let Self::Rotation(coordinates) = self {
+            coordinates.rotation_from_rest()
+        } else {
+            (Vector3::zeros(), Matrix3::zeros())
+        }
     }
 }
 

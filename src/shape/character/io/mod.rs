@@ -74,7 +74,12 @@ pub fn rig_text(
     match extension.to_ascii_lowercase().as_str() {
         "json" => {
             let clips = clip.cloned().into_iter().collect();
-            let file = super::skeleton_file::SkeletonFile { skeleton: skeleton.clone(), curve: None, clips };
+            let file = super::skeleton_file::SkeletonFile {
+                skeleton: skeleton.clone(),
+                curve: None,
+                proposed_names: None,
+                clips,
+            };
             let morphed = clip.is_some_and(|c| !c.morphs().is_empty());
             Ok((file.to_json(), if morphed { vec!["weights of morph targets"] } else { Vec::new() }))
         }

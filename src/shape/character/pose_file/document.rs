@@ -6,7 +6,7 @@ use nalgebra::{Point3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
 use super::{TargetPose, pose_of};
-use crate::character::ik::{Goal, Target};
+use crate::character::ik::{Goal, RootMotion, Target};
 use crate::character::{Character, RigFileError};
 
 /// A pose, as joint rotations and inverse kinematics targets.
@@ -32,6 +32,12 @@ pub(super) struct Document {
     /// Names of joints that do not rotate for targets.
     #[serde(default)]
     locked: Vec<String>,
+    /// Names of joints that keep the world position and orientation that they have in the initial pose, such as feet.
+    #[serde(default)]
+    pinned: Vec<String>,
+    /// Motion of the root for targets; default: pinned.
+    #[serde(default)]
+    root: RootMotion,
     /// Morph weights, by target name.
     #[serde(default)]
     morphs: BTreeMap<String, f64>,
@@ -124,6 +130,7 @@ impl Document {
             Some(from) => pose_of(character, &from.clip, from.time)?,
             None => (skeleton.rest_pose(), character.rest_weights()),
         };
+        let from = start.clone();
         for (name, entry) in &self.joints {
             entry.apply(&format!("joint {name:?}"), &mut start.locals[skeleton.named(name)? as usize])?;
         }
@@ -141,7 +148,11 @@ impl Document {
         let target = |(k, entry): (usize, &TargetEntry)| entry.of(&format!("target {k}"), character);
         let targets = self.targets.iter().enumerate().map(target).collect::<Result<_, _>>()?;
         let locked = self.locked.iter().map(|name| skeleton.named(name)).collect::<Result<_, _>>()?;
-        Ok(TargetPose { start, targets, locked, weights })
+        let mut pose = TargetPose { from, start, targets, locked, pins: Vec::new(), root: self.root, weights };
+        for name in &self.pinned {
+            pose.pin(skeleton, skeleton.named(name)?)?;
+        }
+        Ok(pose)
     }
 }
 

@@ -8,11 +8,12 @@
 //!                {"joint": "head", "look_at": [0, 1.6, 5], "axis": [0, 0, 1]},
 //!                {"joint": "foot.L", "orientation": [1, 0, 0, 0]},
 //!                {"joint": "hand.L", "pole": [0.5, 1, -2], "root": "arm.L", "middle": "elbow.L"} ],
-//!   "locked": ["hip"], "morphs": {"smile": 0.7} }
+//!   "pinned": ["foot.L", "foot.R"], "root": "pinned", "locked": ["spine"], "morphs": {"smile": 0.7} }
 //! ```
 //!
 //! Joint rotations are applied first, in the joint frames and relative to `from` (default: rest); then the targets are solved together
-//! within the joint limits. Rotations are `[w, x, y, z]`; `turn_deg` is a rotation vector, degrees; positions are world positions, units
+//! within the joint limits. Pinned joints keep the world position and orientation that they have in `from`, whatever moves above them. The
+//! root stays unless a target is on it; with `"root": "rotates"` the whole body follows targets. Rotations are `[w, x, y, z]`; `turn_deg` is a rotation vector, degrees; positions are world positions, units
 //! of the model. Unknown keys and unknown joints are rejected.
 
 mod document;
@@ -22,28 +23,40 @@ mod write;
 
 use std::path::Path;
 
-use super::ik::{IkMethod, IkOptions, IkSolution, Target, solve};
-use super::{Character, CharacterError, Extrapolation, Pose, RigFileError};
+use nalgebra::Point3;
+
+use super::ik::{Goal, IkMethod, IkOptions, IkSolution, RootMotion, Target, solve};
+use super::{Character, CharacterError, Extrapolation, Pose, RigFileError, Skeleton};
 
 #[cfg(feature = "schema")]
 pub use document::pose_file_schema;
 
 use document::Document;
 use plumbline_num::document::Kind;
+use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
 
 /// Size limit: a hundred thousand joints.
 const KIND: Kind = Kind { name: "a pose file", format: "plumbline.pose", max_bytes: 1 << 24 };
 
+/// Weight of pins relative to targets: where both cannot be met, a pin gives way by about a ten-thousandth of what the target misses.
+const PIN_WEIGHT: f64 = 100.0;
+
 /// The content of a pose file, resolved for a character.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TargetPose {
-    /// Initial guess: the joint transforms of the file.
+    /// The pose that the file begins from, in which joints are pinned.
+    pub from: Pose,
+    /// Initial guess: `from` with the joint transforms of the file.
     pub start: Pose,
     /// Inverse kinematics targets.
     pub targets: Vec<Target>,
     /// Joints that do not rotate.
     pub locked: Vec<u32>,
+    /// Joints that keep a world frame: the joint, and its frame.
+    pub pins: Vec<(u32, Trs)>,
+    /// Motion of the root.
+    pub root: RootMotion,
     /// Morph weights.
     pub weights: Vec<f64>,
 }
@@ -65,7 +78,33 @@ impl TargetPose {
         KIND.parse::<Document>(text)?.of(character)
     }
 
-    /// Solves for the targets, within the joint limits.
+    /// Pins a joint: it keeps the world frame that it has in [`Self::from`].
+    ///
+    /// # Errors
+    /// [`CharacterError::Input`] for another skeleton, or a joint that it does not have.
+    pub fn pin(&mut self, skeleton: &Skeleton, joint: u32) -> Result<(), CharacterError> {
+        let globals = skeleton.globals(&self.from)?;
+        let frame = globals.get(joint as usize);
+        let frame = frame.ok_or_else(|| CharacterError::Input(format!("there is no joint {joint}")))?;
+        if !self.pins.iter().any(|(other, _)| *other == joint) {
+            self.pins.push((joint, Trs::from_matrix(frame)));
+        }
+        Ok(())
+    }
+
+    /// The targets, followed by a position and an orientation for each pin.
+    pub fn all_targets(&self) -> Vec<Target> {
+        let pin = |(joint, frame): &(u32, Trs)| {
+            let goals = [
+                Goal::Position { point: Point3::origin(), at: frame.translation.into() },
+                Goal::Orientation(frame.rotation),
+            ];
+            goals.map(|goal| Target { joint: *joint, goal, weight: PIN_WEIGHT, chain: None })
+        };
+        self.targets.iter().cloned().chain(self.pins.iter().flat_map(pin)).collect()
+    }
+
+    /// Solves for the targets and pins, within the joint limits. Residuals are those of [`Self::all_targets`].
     ///
     /// # Errors
     /// As for [`solve`].
@@ -76,8 +115,9 @@ impl TargetPose {
         iterations: usize,
         run: &Run,
     ) -> Result<IkSolution, CharacterError> {
-        let options = IkOptions { method, iterations, locked: self.locked.clone(), ..IkOptions::default() };
-        solve(&character.skeleton, &self.start, &self.targets, &options, run)
+        let (locked, root) = (self.locked.clone(), self.root);
+        let options = IkOptions { method, iterations, locked, root, ..IkOptions::default() };
+        solve(&character.skeleton, &self.start, &self.all_targets(), &options, run)
     }
 }
 

@@ -79,3 +79,25 @@ fn errors_list_the_known_names() {
     );
     assert!(other("{").starts_with("not a pose file"));
 }
+
+#[test]
+fn pinned_joints_stay_where_the_initial_pose_has_them() {
+    let person = crate::character::humanoid::humanoid(0.15).expect("made");
+    let text = r#"{"format": "plumbline.pose", "version": 1, "from": {"clip": "walk", "time": 0.2},
+        "joints": {"hips": {"move": [0, -0.05, 0]}}, "pinned": ["foot.L", "foot.R"]}"#;
+    let wanted = TargetPose::parse(text, &person).expect("valid");
+    let found = wanted.solve(&person, IkMethod::LeastSquares, 200, &Run::default()).expect("valid");
+    let at = |pose: &Pose, joint: &str| {
+        let globals = person.skeleton.globals(pose).expect("valid");
+        Trs::from_matrix(&globals[person.skeleton.named(joint).expect("there") as usize])
+    };
+    for foot in ["foot.L", "foot.R"] {
+        let (before, now) = (at(&wanted.from, foot), at(&found.pose, foot));
+        assert!((before.translation - now.translation).norm() < 1e-5, "{foot}");
+        assert!(before.rotation.angle_to(&now.rotation) < 1e-4, "{foot}");
+    }
+    let sunk = at(&wanted.from, "hips").translation.y - at(&found.pose, "hips").translation.y;
+    assert!((sunk - 0.05).abs() < 1e-9, "the root is as the file has it: {sunk}");
+    let refused = TargetPose::parse(&text.replace("foot.R", "paw"), &person).expect_err("unknown");
+    assert!(refused.to_string().starts_with("there is no joint \"paw\""), "{refused}");
+}

@@ -10,7 +10,7 @@ use plumbline_num::math::Trs;
 
 impl TargetPose {
     /// The text of a file that gives this pose for a character with the same skeleton: joints that differ from rest, the targets,
-    /// locked joints. Morph weights are not written. Numbers are exact but for the rounding of a sum and of a unit length.
+    /// locked joints. Pins are written as targets, since the file pins joints at the frames of its initial pose. Morph weights are not written. Numbers are exact but for the rounding of a sum and of a unit length.
     ///
     /// ```
     /// use plumbline_shape::character::humanoid::humanoid;
@@ -20,7 +20,8 @@ impl TargetPose {
     /// let person = humanoid(0.1)?;
     /// let start = person.skeleton.rest_pose();
     /// let targets = vec![Target::position(3, [0.1, 1.0, 0.2].into())];
-    /// let pose = TargetPose { start, targets, locked: vec![0], weights: person.rest_weights() };
+    /// let (from, weights) = (start.clone(), person.rest_weights());
+    /// let pose = TargetPose { from, start, targets, locked: vec![0], weights, ..TargetPose::default() };
     /// assert_eq!(TargetPose::parse(&pose.to_json(&person.skeleton)?, &person)?, pose);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -40,10 +41,11 @@ impl TargetPose {
                 joints.insert(joint.name.clone(), entry.into());
             }
         }
-        let targets = self.targets.iter().map(|t| target(t, name)).collect::<Result<Vec<_>, _>>()?;
+        let targets = self.all_targets().iter().map(|t| target(t, name)).collect::<Result<Vec<_>, _>>()?;
         let locked = self.locked.iter().map(|j| name(*j)).collect::<Result<Vec<_>, _>>()?;
         let document = json!({
             "format": KIND.format, "version": 1, "joints": joints, "targets": targets, "locked": locked,
+            "root": self.root,
         });
         Ok(format!("{document:#}\n"))
     }

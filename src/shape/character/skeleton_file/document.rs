@@ -23,6 +23,9 @@ pub(super) struct Document {
     /// The joints; a parent may come after its children.
     #[cfg_attr(feature = "schema", schemars(length(min = 1)))]
     joints: Vec<JointEntry>,
+    /// How the names of joints were proposed, in words; omitted for names that someone gave.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    proposed_names: Option<String>,
     /// The curve skeleton that the joints were derived from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     curve: Option<CurveEntry>,
@@ -129,7 +132,8 @@ impl Document {
         let skeleton = Skeleton::new(joints?)?;
         let clip = |entry: ClipEntry| entry.into_clip(&skeleton, &number);
         let clips = self.clips.into_iter().map(clip).collect::<Result<Vec<_>, _>>()?;
-        Ok(SkeletonFile { curve: self.curve.map(CurveEntry::into_curve).transpose()?, clips, skeleton })
+        let curve = self.curve.map(CurveEntry::into_curve).transpose()?;
+        Ok(SkeletonFile { curve, proposed_names: self.proposed_names, clips, skeleton })
     }
 
     pub(super) fn of(file: &SkeletonFile) -> Self {
@@ -139,6 +143,7 @@ impl Document {
             format: KIND.format.to_owned(),
             version: 1,
             joints: joints.iter().map(entry).collect(),
+            proposed_names: file.proposed_names.clone(),
             curve: file.curve.as_ref().map(CurveEntry::of),
             clips: file.clips.iter().map(|clip| ClipEntry::of(clip, &file.skeleton)).collect(),
         }
@@ -148,6 +153,10 @@ impl Document {
     pub(super) fn to_json(&self) -> String {
         let line = |j: &JointEntry| format!("    {}", serde_json::to_string(j).expect("strings and numbers"));
         let joints: Vec<String> = self.joints.iter().map(line).collect();
+        let proposed = match &self.proposed_names {
+            None => String::new(),
+            Some(how) => format!("  \"proposed_names\": {},\n", serde_json::to_string(how).expect("a string")),
+        };
         let curve = match &self.curve {
             None => String::new(),
             Some(c) => format!(",\n  \"curve\": {}", serde_json::to_string(c).expect("numbers")),
@@ -157,7 +166,7 @@ impl Document {
         let clips =
             if clips.is_empty() { String::new() } else { format!(",\n  \"clips\": [\n{}\n  ]", clips.join(",\n")) };
         format!(
-            "{{\n  \"format\": \"{}\",\n  \"version\": 1,\n  \"joints\": [\n{}\n  ]{curve}{clips}\n}}\n",
+            "{{\n  \"format\": \"{}\",\n  \"version\": 1,\n{proposed}  \"joints\": [\n{}\n  ]{curve}{clips}\n}}\n",
             KIND.format,
             joints.join(",\n")
         )

@@ -14,7 +14,7 @@
 //!
 //! Joints hold the rest pose: frames relative to their parents. `rotation` is `[w, x, y, z]`; omitted transforms are identities.
 //! Lengths are in units of the model. `curve` is the curve skeleton that the joints were derived from, if they were extracted from a
-//! surface. `clips` are animations; values of keys are in the parent frame, times in seconds. Unlike in glTF and BVH, splines keep their
+//! surface. `proposed_names` says of names that a program proposed for what and how. `clips` are animations; values of keys are in the parent frame, times in seconds. Unlike in glTF and BVH, splines keep their
 //! keys. Unknown keys are rejected.
 
 mod clips;
@@ -42,6 +42,8 @@ pub struct SkeletonFile {
     pub skeleton: Skeleton,
     /// The curve skeleton, if the skeleton was extracted from a surface.
     pub curve: Option<CurveSkeleton>,
+    /// How names of joints were proposed ([`super::naming`]); `None` for names that someone gave.
+    pub proposed_names: Option<String>,
     /// Animation clips. Their curves of morph weights are not written: a skeleton has no surface.
     pub clips: Vec<Clip>,
 }

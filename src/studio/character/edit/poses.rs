@@ -17,12 +17,11 @@ use crate::error::StudioError;
 use crate::workspace::Step;
 use plumbline_num::math::Trs;
 use plumbline_num::run::Run;
-use plumbline_shape::character::ik::{Goal, Target, limb_chain, solve, within_limits};
+use plumbline_shape::character::ik::{Goal, MAX_TARGETS, Target, limb_chain, solve, within_limits};
 use plumbline_shape::character::pose_file::TargetPose;
 use plumbline_shape::character::{Pose, Skeleton};
 
-/// Maximum number of targets and of poses in the library.
-const MAX_TARGETS: usize = 256;
+/// Maximum number of poses in the library.
 const MAX_POSES: usize = 1000;
 
 pub(super) fn apply(document: &CharacterDocument, edit: Edit, around: &mut Around<'_>) -> Edited {

@@ -42,7 +42,7 @@ impl Opened {
         let person = humanoid(0.1).unwrap();
         let still = person.model.clone().with_articulation(None).unwrap();
         write_model(&folder.path().join("person.obj"), &still).unwrap();
-        let skeleton = SkeletonFile { skeleton: person.skeleton, curve: None, clips: Vec::new() };
+        let skeleton = SkeletonFile { skeleton: person.skeleton, curve: None, proposed_names: None, clips: Vec::new() };
         std::fs::write(folder.path().join("person.skeleton.json"), skeleton.to_json()).unwrap();
         let mut opened = Self::of(folder, "person.obj");
         opened.rest();

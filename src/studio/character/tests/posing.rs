@@ -161,7 +161,8 @@ fn a_skeleton_of_a_file_is_a_template_and_a_document_may_lose_its_last_joint() {
     for joint in &mut joints {
         joint.rest.translation *= 0.5;
     }
-    let small = SkeletonFile { skeleton: Skeleton::new(joints).unwrap(), curve: None, clips: Vec::new() };
+    let small =
+        SkeletonFile { skeleton: Skeleton::new(joints).unwrap(), curve: None, proposed_names: None, clips: Vec::new() };
     std::fs::write(opened.path("small.json"), small.to_json()).unwrap();
     let head = opened.position("head");
     let label = opened.edit(json!({"do": "template_file", "path": "small.json"})).unwrap();

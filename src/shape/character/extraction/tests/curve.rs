@@ -186,6 +186,12 @@ fn joints_are_ends_junctions_and_bends_in_a_tree() {
     for p in many.rest_positions() {
         assert!(curve.nodes.iter().any(|n| nalgebra::distance(n, &p) < 1e-9));
     }
+    let joints = many.joints();
+    for (j, joint) in joints.iter().enumerate().skip(1) {
+        let parent = joint.parent.expect("one root") as usize;
+        let along = parent == j - 1 || many.children(joints[j].parent.expect("one root")).len() > 1;
+        assert!(along, "a limb is numbered from its begin to its end: {j} after {parent}");
+    }
     let (ring, _) = curve_of(&shapes::holed_torus(1, 16));
     let tree = skeleton_of(&ring, None).unwrap();
     assert!(tree.joint_count() >= 3 && tree.roots().count() == 1, "a loop is cut once");

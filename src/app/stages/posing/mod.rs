@@ -1,0 +1,170 @@
+//! What posing has from other files: the motion of another character, and how long a movement takes.
+
+use std::path::Path;
+
+use super::prelude::*;
+use plumbline_num::run::Run;
+use plumbline_shape::character::io::read_rig;
+use plumbline_shape::character::retargeting::{
+    Correspondence, FootReport, JointMap, MatchedBy, RetargetOptions, RetargetReport, retarget,
+};
+use plumbline_shape::character::{Character, CharacterError, Clip, Joint, Skeleton};
+use plumbline_shape::mesh::ReadLimits;
+
+/// Distance from a target above which it is reported: a thousandth of the model's diagonal, a pixel where the model fills a picture; of
+/// orientations and directions, rad, the same displacement at the distance of the diagonal.
+pub(super) const MISSED: f64 = 1e-3;
+
+/// The clips of another skeleton, carried to this one.
+pub(super) fn retargeted(
+    context: &mut Context<'_, '_>,
+    character: &Character,
+    path: &Path,
+    map: Option<&Path>,
+    clip: Option<&str>,
+) -> Result<Vec<Clip>, RunError> {
+    let about = |e: CharacterError| RunError::from(e).about(path.display());
+    let source = read_rig(path, &context.job.read_limits(), &context.job.run());
+    let source = source.map_err(|e| RunError::Input(e.to_string()))?;
+    source.warnings.iter().for_each(|w| context.warn(format!("{}: {w}", path.display())));
+    let map = match map {
+        None => JointMap::default(),
+        Some(file) => JointMap::read(file, &source.skeleton, &character.skeleton)
+            .map_err(|e| RunError::Input(e.to_string()).about(file.display()))?,
+    };
+    let map = Correspondence::find(&source.skeleton, &character.skeleton, &map, &context.job.run()).map_err(about)?;
+    if let MatchedBy::Shape { ambiguous } = map.by {
+        let doubt = if ambiguous { "; left and right, or front and back, fit equally well" } else { "" };
+        let pairs = paired(&map, &source.skeleton, &character.skeleton);
+        context.warn(format!(
+            "{}: joints are matched by the shape of the limbs, names do not tell{doubt}: {pairs}",
+            path.display()
+        ));
+    }
+    let wanted = clip;
+    let named = |clip: &&Clip| wanted.is_none_or(|name| clip.name() == name);
+    let clips: Vec<&Clip> = source.clips.iter().filter(named).collect();
+    if clips.is_empty() {
+        let known: Vec<String> = source.clips.iter().map(|c| format!("{:?}", c.name())).collect();
+        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+        let wanted = wanted.map_or_else(|| "no clip".to_owned(), |name| format!("no clip {name:?}"));
+        return Err(RunError::Input(format!("there is {wanted} (known: {known})")).about(path.display()));
+    }
+    let mut carried = Vec::new();
+    for clip in clips {
+        let (clip, report) = retarget(
+            &source.skeleton,
+            clip,
+            &character.skeleton,
+            &map,
+            &RetargetOptions::default(),
+            &context.job.run(),
+        )
+        .map_err(about)?;
+        report_retargeting(context, clip.name(), &source.skeleton, character, &report);
+        carried.push(clip);
+    }
+    Ok(carried)
+}
+
+/// Pairs of joints, as a message lists them.
+fn paired(map: &Correspondence, source: &Skeleton, target: &Skeleton) -> String {
+    let pair = |(i, joint): (&Option<u32>, &Joint)| {
+        Some(format!("{} follows {}", joint.name, source.joints()[(*i)? as usize].name))
+    };
+    let pairs: Vec<String> = map.source_of.iter().zip(target.joints()).filter_map(pair).collect();
+    listed(&pairs)
+}
+
+/// The first of some names, and how many more there are.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 24;
+    let more = names.len().saturating_sub(SHOWN);
+    let shown = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{shown} and {more} more") } else { shown }
+}
+
+/// A line of the summary, and warnings of what did not carry over.
+fn report_retargeting(
+    context: &mut Context<'_, '_>,
+    clip: &str,
+    source: &Skeleton,
+    character: &Character,
+    report: &RetargetReport,
+) {
+    let largest = |of: fn(&FootReport) -> f64| report.feet.iter().map(of).fold(0.0, f64::max);
+    let contacts: usize = report.feet.iter().map(|foot| foot.contacts).sum();
+    let mut line = format!(
+        "{clip}: {} of {} joints follow, {:.4} times as large; {contacts} contacts of {} feet",
+        report.followed,
+        character.skeleton.joint_count(),
+        report.scale,
+        report.feet.len()
+    );
+    if contacts > 0 {
+        let [held, free, source] =
+            [largest(|f| f.slide), largest(|f| f.free_slide), largest(|f| f.source_slide)].map(|x| 100.0 * x);
+        let feet = format!(
+            ", which slide by {held:.2} % of the leg at most ({free:.2} % unheld, {source:.2} % in the source)"
+        );
+        line.push_str(&feet);
+    }
+    if let Some(surface) = &mut context.summary.surface {
+        surface.retargeted.push(line);
+    }
+    if !report.left_out.is_empty() {
+        let names: Vec<String> = report.left_out.iter().map(|j| source.joints()[*j as usize].name.clone()).collect();
+        context.warn(format!("{clip}: no joint follows {}", listed(&names)));
+    }
+    if report.missed > MISSED {
+        context.warn(format!("{clip}: a foot on the ground is missed by {:.1} % of the leg", 100.0 * report.missed));
+    }
+    if report.limited > MISSED {
+        context.warn(format!(
+            "{clip}: the limits of the character change rotations by up to {:.1}°",
+            report.limited.to_degrees()
+        ));
+    }
+}
+
+/// The clip that is shown: the only one that was carried over.
+pub(super) fn only(carried: &[Clip], rig: bool) -> Result<Option<String>, RunError> {
+    match carried {
+        [clip] => Ok(Some(clip.name().to_owned())),
+        _ if rig => Ok(None),
+        _ => {
+            let known: Vec<String> = carried.iter().map(|c| format!("{:?}", c.name())).collect();
+            Err(RunError::Usage(format!("`clip` names one of the movements {} to write", known.join(", "))))
+        }
+    }
+}
+
+/// Clips that were carried over come first; those of the character keep their names beside them, numbered where one is taken.
+pub(super) fn add_clips(character: &mut Character, carried: Vec<Clip>) {
+    let mut clips = carried;
+    for clip in std::mem::take(&mut character.clips) {
+        let taken = |name: &str| clips.iter().any(|c| c.name() == name);
+        let numbered = (1..).map(|k| if k == 1 { clip.name().to_owned() } else { format!("{} ({k})", clip.name()) });
+        let name = numbered.into_iter().find(|name| !taken(name)).expect("there is no end of numbers");
+        clips.push(clip.named(name));
+    }
+    character.clips = clips;
+}
+
+/// Begin and end of a movement of a file, s; of its only movement where none is named.
+///
+/// # Errors
+/// [`RunError::Input`] for a file that cannot be read or does not have the movement; [`RunError::Usage`] where one has to be named.
+pub(crate) fn clip_span(path: &Path, clip: Option<&str>) -> Result<(f64, f64), RunError> {
+    let rig = read_rig(path, &ReadLimits::default(), &Run::default()).map_err(|e| RunError::Input(e.to_string()))?;
+    let name = match clip {
+        Some(name) => name.to_owned(),
+        None => only(&rig.clips, false)?.unwrap_or_default(),
+    };
+    let known: Vec<String> = rig.clips.iter().map(|c| format!("{:?}", c.name())).collect();
+    let found = rig.clips.iter().find(|c| c.name() == name).ok_or_else(|| {
+        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+        RunError::Input(format!("there is no clip {name:?} (known: {known})")).about(path.display())
+    })?;
+    Ok(found.span().unwrap_or((0.0, 0.0)))
+}
