@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 N, FPS, WIDTH, HEIGHT, MIN_CROP, SMOOTHNESS_S = 120, 30.0, 640, 360, 0.9, 0.5
-ACCELERATION_SHARE, LEAST_SHAKE, SHAKE_SIGMA_S, STRENGTH_SIGMA_S = 0.5, 2e-4, 0.5, 4.0
+ACCELERATION_SHARE, LEAST_SHAKE, SHAKE_SIGMA_S, STRENGTH_SIGMA_S = 0.4, 2e-4, 0.5, 4.0
 
 
 def kernel(sigma):

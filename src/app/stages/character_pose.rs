@@ -76,7 +76,7 @@ pub struct PoseSettings {
     /// A file whose movements the character takes: glTF, GLB, BVH or our own JSON
     #[schemars(extend("format" = "path"))]
     pub motion_from: Option<String>,
-    /// Which joint follows which of `motion_from`, where names do not tell (JSON; `plumbline schema joint-map` describes it)
+    /// Which joint follows which of `motion_from`, where names do not say (JSON; `plumbline schema joint-map` describes it)
     #[schemars(extend("format" = "path"))]
     pub map: Option<String>,
     /// How the surface follows the joints

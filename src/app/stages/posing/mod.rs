@@ -6,7 +6,7 @@ use super::prelude::*;
 use plumbline_num::run::Run;
 use plumbline_shape::character::io::read_rig;
 use plumbline_shape::character::retargeting::{
-    Correspondence, FootReport, JointMap, MatchedBy, RetargetOptions, RetargetReport, retarget,
+    Correspondence, FootReport, JointMap, MatchedBy, RetargetingOptions, RetargetingReport, retarget,
 };
 use plumbline_shape::character::{Character, CharacterError, Clip, Joint, Skeleton};
 use plumbline_shape::mesh::ReadLimits;
@@ -37,7 +37,7 @@ pub(super) fn retargeted(
         let doubt = if ambiguous { "; left and right, or front and back, fit equally well" } else { "" };
         let pairs = paired(&map, &source.skeleton, &character.skeleton);
         context.warn(format!(
-            "{}: joints are matched by the shape of the limbs, names do not tell{doubt}: {pairs}",
+            "{}: joints are matched by the shape of the limbs, names do not say{doubt}: {pairs}",
             path.display()
         ));
     }
@@ -57,7 +57,7 @@ pub(super) fn retargeted(
             clip,
             &character.skeleton,
             &map,
-            &RetargetOptions::default(),
+            &RetargetingOptions::default(),
             &context.job.run(),
         )
         .map_err(about)?;
@@ -90,7 +90,7 @@ fn report_retargeting(
     clip: &str,
     source: &Skeleton,
     character: &Character,
-    report: &RetargetReport,
+    report: &RetargetingReport,
 ) {
     let largest = |of: fn(&FootReport) -> f64| report.feet.iter().map(of).fold(0.0, f64::max);
     let contacts: usize = report.feet.iter().map(|foot| foot.contacts).sum();

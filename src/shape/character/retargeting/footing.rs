@@ -16,7 +16,7 @@ use super::alignment::{Alignment, Leg};
 use super::contacts::{Contact, Sole, contacts, level};
 use super::sampling::{Motion, positions, world_rotations};
 use super::transfer::place;
-use super::{FootReport, RetargetReport};
+use super::{FootReport, RetargetingReport};
 use crate::character::ik::{Goal, IkOptions, Target, solve};
 use crate::character::{CharacterError, Pose, Skeleton};
 use plumbline_num::run::Run;
@@ -57,7 +57,7 @@ pub(super) fn hold_feet(
     target: &Skeleton,
     alignment: &Alignment,
     poses: &mut [Pose],
-    report: &mut RetargetReport,
+    report: &mut RetargetingReport,
     run: &Run,
 ) -> Result<(), CharacterError> {
     let free: Vec<Vec<Point3<f64>>> = poses.iter().map(|pose| positions(target, pose)).collect::<Result<_, _>>()?;

@@ -51,20 +51,20 @@ use plumbline_num::run::Run;
 
 /// Options of motion retargeting.
 #[derive(Clone, Debug, PartialEq)]
-pub struct RetargetOptions {
+pub struct RetargetingOptions {
     /// Smallest number of samples per second, 1 to 1000. Default 30. Keys of the source are samples, too.
     pub rate: f64,
     /// Whether feet that are on the ground in the source are held there. Default true.
     pub contacts: bool,
 }
 
-impl Default for RetargetOptions {
+impl Default for RetargetingOptions {
     fn default() -> Self {
         Self { rate: 30.0, contacts: true }
     }
 }
 
-impl RetargetOptions {
+impl RetargetingOptions {
     fn check(&self) -> Result<(), OptionError> {
         OptionError::check((1.0..=1000.0).contains(&self.rate), "rate", self.rate, "1 to 1000 samples per second")
     }
@@ -91,7 +91,7 @@ pub struct FootReport {
 
 /// How a motion was retargeted.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct RetargetReport {
+pub struct RetargetingReport {
     /// Joints of the target that follow one of the source.
     pub followed: usize,
     /// Joints of the source that move and that no joint follows.
@@ -135,7 +135,7 @@ fn check_size(source: &Skeleton, target: &Skeleton) -> Result<(), CharacterError
 /// ```
 /// use plumbline_num::run::Run;
 /// use plumbline_shape::character::humanoid::humanoid;
-/// use plumbline_shape::character::retargeting::{Correspondence, JointMap, RetargetOptions, retarget};
+/// use plumbline_shape::character::retargeting::{Correspondence, JointMap, RetargetingOptions, retarget};
 /// use plumbline_shape::character::{Joint, Skeleton};
 ///
 /// let person = humanoid(0.1)?;
@@ -150,7 +150,7 @@ fn check_size(source: &Skeleton, target: &Skeleton) -> Result<(), CharacterError
 /// let run = Run::default();
 /// let map = Correspondence::find(&person.skeleton, &child, &JointMap::default(), &run)?;
 /// let walk = person.clip("walk")?;
-/// let (clip, report) = retarget(&person.skeleton, walk, &child, &map, &RetargetOptions::default(), &run)?;
+/// let (clip, report) = retarget(&person.skeleton, walk, &child, &map, &RetargetingOptions::default(), &run)?;
 /// assert!((report.scale - 0.5).abs() < 1e-9 && report.left_out.is_empty());
 /// assert_eq!(clip.span(), walk.span());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -160,9 +160,9 @@ pub fn retarget(
     clip: &Clip,
     target: &Skeleton,
     map: &Correspondence,
-    options: &RetargetOptions,
+    options: &RetargetingOptions,
     run: &Run,
-) -> Result<(Clip, RetargetReport), CharacterError> {
+) -> Result<(Clip, RetargetingReport), CharacterError> {
     options.check()?;
     check_size(source, target)?;
     clip.check(source.joint_count(), usize::MAX)?;
@@ -183,12 +183,12 @@ pub fn retarget(
     let alignment = Alignment::new(source, target, map);
     let motion = sampling::Motion::sampled(source, clip, &times, run)?;
     let (mut poses, limited) = transfer::poses(source, &motion, target, map, &alignment, run)?;
-    let mut report = RetargetReport {
+    let mut report = RetargetingReport {
         followed: map.source_of.iter().flatten().count(),
         left_out: left_out(source, clip, map),
         scale: alignment.scale,
         limited,
-        ..RetargetReport::default()
+        ..RetargetingReport::default()
     };
     if options.contacts {
         footing::hold_feet(&times, &motion, target, &alignment, &mut poses, &mut report, run)?;

@@ -156,10 +156,10 @@ fn about(axis: Vector3<f64>, angle: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(axis * angle)
 }
 
-fn carried(source: &Skeleton, clip: &Clip, target: &Skeleton) -> (Clip, RetargetReport, Correspondence) {
+fn carried(source: &Skeleton, clip: &Clip, target: &Skeleton) -> (Clip, RetargetingReport, Correspondence) {
     let run = Run::default();
     let map = Correspondence::find(source, target, &JointMap::default(), &run).expect("they correspond");
-    let (clip, report) = retarget(source, clip, target, &map, &RetargetOptions::default(), &run).expect("valid");
+    let (clip, report) = retarget(source, clip, target, &map, &RetargetingOptions::default(), &run).expect("valid");
     (clip, report, map)
 }
 
@@ -365,10 +365,10 @@ fn clips_that_are_too_long_are_refused() {
     let keys = rotations(vec![0.0, 1e9], &ends, Interpolation::Linear).expect("valid");
     let clip = Clip::new("long", vec![Track { joint: 0, curve: Curve::Rotation(keys) }], Vec::new()).expect("valid");
     let map = Correspondence::find(&skeleton, &skeleton, &JointMap::default(), &Run::default()).expect("same");
-    let refused = retarget(&skeleton, &clip, &skeleton, &map, &RetargetOptions::default(), &Run::default());
+    let refused = retarget(&skeleton, &clip, &skeleton, &map, &RetargetingOptions::default(), &Run::default());
     assert!(refused.expect_err("refused").to_string().contains("is too long"));
     let still = Clip::new("still", Vec::new(), Vec::new()).expect("valid");
     let (clip, _) =
-        retarget(&skeleton, &still, &skeleton, &map, &RetargetOptions::default(), &Run::default()).expect("valid");
+        retarget(&skeleton, &still, &skeleton, &map, &RetargetingOptions::default(), &Run::default()).expect("valid");
     assert!(clip.tracks().is_empty());
 }
