@@ -174,6 +174,10 @@ struct Pairs {
     limbs: [[u32; 2]; 2],
     junctions: [u32; 2],
     score: f64,
+    /// Normal of the plane between the limbs of each pair, where it is along it, and how far the farthest limbs are from it.
+    side: Vector3<f64>,
+    center: f64,
+    half: f64,
 }
 
 impl Body {
@@ -200,6 +204,11 @@ impl Body {
         let [hips, chest] = [pairs.junctions[1 - head_at], pairs.junctions[head_at]];
         let [hind, front] = [pairs.limbs[1 - head_at], pairs.limbs[head_at]];
         let [head, tail] = if head_at == 0 { [first, second] } else { [second, first] };
+        // A head that is as far from the middle as a limb is a limb, and what was taken for one the head.
+        let aside = |end: u32| (tree.middle(chest, end).dot(&pairs.side) - pairs.center).abs();
+        if head.is_some_and(|end| aside(end) > pairs.half) {
+            return None;
+        }
         let trunk = tree.path(hips, chest);
         let shortest = |pair: [u32; 2], from: u32| {
             pair.map(|end| tree.limb(from, end).lengths.last().copied().unwrap_or(0.0))
@@ -288,13 +297,13 @@ fn best_pairs(tree: &Tree, ends: &[u32], longest: f64) -> Option<Pairs> {
     best
 }
 
-/// Lengths of two pairs, less where they differ, if both are on either side of one plane.
+/// Lengths of two pairs, less where they differ, if one plane is in the middle of both: a head beside an arm is no pair.
 fn scored(tree: &Tree, limbs: [[u32; 2]; 2]) -> Option<Pairs> {
     let [[a, b], [c, e]] = limbs;
     let junctions = [tree.median(a, b, c)?, tree.median(c, e, a)?];
     let along = (tree.at[junctions[1] as usize] - tree.at[junctions[0] as usize]).try_normalize(0.0)?;
     // A product: two pairs of middle length rather than long limbs and fingers.
-    let (mut score, mut across) = (1.0, Vec::new());
+    let (mut score, mut middles, mut across) = (1.0, Vec::new(), Vec::new());
     for (pair, junction) in limbs.iter().zip(junctions) {
         let length = pair.map(|end| tree.limb(junction, end).lengths.last().copied().unwrap_or(0.0));
         let (short, long) = (length[0].min(length[1]), length[0].max(length[1]));
@@ -304,9 +313,22 @@ fn scored(tree: &Tree, limbs: [[u32; 2]; 2]) -> Option<Pairs> {
         score *= short * short / long;
         let [p, q] = pair.map(|end| tree.middle(junction, end));
         across.push(((p - q) - along * along.dot(&(p - q))).try_normalize(0.0)?);
+        middles.push([p, q]);
     }
-    let parallel = across[0].dot(&across[1]).abs();
-    (parallel > 0.5).then_some(Pairs { limbs, junctions, score: score * parallel })
+    let parallel = across[0].dot(&across[1]);
+    let side = (across[0] + across[1] * parallel.signum()).try_normalize(0.0)?;
+    // Where the middle of each pair is along the normal of the plane, and how far its limbs are from there.
+    let [(center, half), (other, other_half)] =
+        [0, 1].map(|k| middles[k].map(|m| m.dot(&side))).map(|[p, q]| (0.5 * (p + q), 0.5 * (p - q).abs()));
+    let centered = 1.0 - (center - other).abs() / half.min(other_half);
+    (parallel.abs() > 0.5 && centered > 0.0).then(|| Pairs {
+        limbs,
+        junctions,
+        score: score * parallel.abs() * centered,
+        side,
+        center: 0.5 * (center + other),
+        half: half.max(other_half),
+    })
 }
 
 /// The longest further limb at the first and at the second end of the trunk.
