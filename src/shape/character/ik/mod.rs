@@ -173,7 +173,7 @@ impl Default for IkOptions {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum RootMotion {
-    /// It stays, unless a target is on it: a position moves it, any target rotates it
+    /// It stays, unless a target is on it: a position moves it, any target rotates it, as does a position of a joint next to it
     #[default]
     Pinned,
     /// It rotates for all targets, and does not move

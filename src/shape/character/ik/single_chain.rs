@@ -59,7 +59,9 @@ pub(super) fn solve(
 /// Number of ancestors below the pinned root; all ancestors where the target is on the root itself.
 fn below_root(skeleton: &Skeleton, joint: u32, root: RootMotion) -> usize {
     let roots = body_roots(skeleton);
-    if root == RootMotion::Rotates || roots.contains(&joint) {
+    // A joint next to a root is moved by that alone.
+    let next_to_root = skeleton.joints()[joint as usize].parent.is_some_and(|parent| roots.contains(&parent));
+    if root == RootMotion::Rotates || roots.contains(&joint) || next_to_root {
         return usize::MAX;
     }
     let parent = |j: &u32| skeleton.joints()[*j as usize].parent;

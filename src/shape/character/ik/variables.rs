@@ -18,6 +18,12 @@ pub(super) enum Motion {
     Translation(u32),
 }
 
+/// Whether a position is sought for a joint that nothing but roots moves, such as the hip of a leg.
+fn rests_on(skeleton: &Skeleton, roots: &[u32], target: &Target) -> bool {
+    let parent = skeleton.joints().get(target.joint as usize).and_then(|joint| joint.parent);
+    matches!(target.goal, Goal::Position { .. }) && parent.is_some_and(|parent| roots.contains(&parent))
+}
+
 impl Motion {
     pub(super) fn joint(self) -> u32 {
         let (Self::Rotation(joint) | Self::Translation(joint)) = self;
@@ -55,8 +61,9 @@ impl Variables {
         }
         let mut translates = vec![false; skeleton.joint_count()];
         if options.root == RootMotion::Pinned {
-            for root in body_roots(skeleton) {
-                rotates[root as usize] = targets.iter().any(|t| t.joint == root);
+            let roots = body_roots(skeleton);
+            for &root in &roots {
+                rotates[root as usize] = targets.iter().any(|t| t.joint == root || rests_on(skeleton, &roots, t));
                 let sought = |t: &Target| t.joint == root && matches!(t.goal, Goal::Position { .. });
                 translates[root as usize] = targets.iter().any(sought);
             }
