@@ -8,7 +8,7 @@ use nalgebra::{Matrix4, Point3};
 use serde_json::json;
 
 use super::mesh::binding;
-use super::posing::{MISSED, add_clips, only, retargeted};
+use super::posing::{MISSED, only, retargeted};
 use super::prelude::*;
 use super::values::Posed;
 use crate::pipeline::paths::to_path;
@@ -204,7 +204,7 @@ impl Stage for PoseSettings {
                 let map = self.map.as_deref().map(to_path);
                 let carried = retargeted(context, &character, &source, map.as_deref(), self.clip.as_deref())?;
                 let shown = only(&carried, self.rig)?;
-                add_clips(&mut character, carried);
+                character.prepend_clips(carried);
                 shown
             }
         };

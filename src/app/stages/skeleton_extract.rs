@@ -90,9 +90,9 @@ impl Stage for SkeletonExtractSettings {
             Some(folder) => extracted(context, &mesh, &options, Some(&folder))?,
         };
         warn_of_bounds(context, &report);
-        let rig = rig(context, &curve, &report, self)?;
+        let (rig, proposed) = rig(context, &curve, &report, self)?;
         if let Some(path) = &self.path.as_deref().map(to_path) {
-            let bytes = encoded(path, &posed.model, &rig, &curve, self.template.is_some(), &context.job.run())?;
+            let bytes = encoded(path, &posed.model, &rig, &curve, proposed, &context.job.run())?;
             context.write_file(path, bytes)?;
         }
         Ok((Arc::new(rig), Written))
@@ -162,26 +162,28 @@ fn warn_of_bounds(context: &mut Context<'_, '_>, report: &ExtractionReport) {
     }
 }
 
-/// The joints on the curve: as it bends, or those of a template with its movements.
+/// The joints on the curve, as it bends, and what is to be said of names that were proposed for them; or those of a template with its
+/// movements, whose names are someone's.
 fn rig(
     context: &mut Context<'_, '_>,
     curve: &CurveSkeleton,
     report: &ExtractionReport,
     settings: &SkeletonExtractSettings,
-) -> Result<Rig, RunError> {
+) -> Result<(Rig, Option<String>), RunError> {
     if let Some(template) = settings.template.as_deref().map(to_path) {
-        return fitted(context, &template, curve, report);
+        return Ok((fitted(context, &template, curve, report)?, None));
     }
     let wanted = settings.joints.map(|n| n as usize);
     let skeleton = skeleton_of(curve, wanted).map_err(|e| RunError::Input(e.to_string()))?;
     report_curve(context, &skeleton, report, settings);
-    let proposed = propose_names(&skeleton, curve);
-    if let (Some(names), Some(surface)) = (&proposed, &mut context.summary.surface) {
+    let rig = |skeleton| Rig { skeleton, clips: Vec::new(), warnings: Vec::new() };
+    let Some(names) = propose_names(&skeleton, curve) else { return Ok((rig(skeleton), None)) };
+    let proposed = names.summary();
+    if let Some(surface) = &mut context.summary.surface {
         let line = surface.skeleton.take().unwrap_or_default();
-        surface.skeleton = Some(format!("{line}; names {}", names.summary()));
+        surface.skeleton = Some(format!("{line}; names {proposed}"));
     }
-    let skeleton = proposed.map_or(Ok(skeleton.clone()), |names| names.applied(&skeleton))?;
-    Ok(Rig { skeleton, clips: Vec::new(), warnings: Vec::new() })
+    Ok((rig(names.applied(&skeleton)?), Some(proposed)))
 }
 
 /// The joints of a template on the curve.
@@ -282,7 +284,7 @@ fn encoded(
     model: &Model,
     rig: &Rig,
     curve: &CurveSkeleton,
-    of_template: bool,
+    proposed_names: Option<String>,
     run: &Run,
 ) -> Result<Vec<u8>, RunError> {
     let skeleton = &rig.skeleton;
@@ -290,12 +292,10 @@ fn encoded(
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
     match extension.as_str() {
         "json" => {
-            // The names of a template are someone's.
-            let proposed = if of_template { None } else { propose_names(skeleton, curve) };
             let file = SkeletonFile {
                 skeleton: skeleton.clone(),
                 curve: Some(curve.clone()),
-                proposed_names: proposed.map(|p| p.summary()),
+                proposed_names,
                 clips: rig.clips.clone(),
             };
             Ok(file.to_json().into_bytes())

@@ -55,12 +55,26 @@ impl Character {
     /// # Errors
     /// [`CharacterError::Input`], with the names of all clips.
     pub fn clip(&self, name: &str) -> Result<&Clip, CharacterError> {
-        let unknown = || {
-            let known: Vec<String> = self.clips.iter().map(|c| format!("{:?}", c.name())).collect();
-            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-            CharacterError::Input(format!("there is no clip {name:?} (known: {known})"))
-        };
-        self.clips.iter().find(|clip| clip.name() == name).ok_or_else(unknown)
+        clip_named(&self.clips, name)
+    }
+
+    /// Puts clips before those of the character, which keep their names, numbered where one is taken.
+    ///
+    /// ```
+    /// use plumbline_shape::character::humanoid::humanoid;
+    ///
+    /// let mut person = humanoid(0.1)?;
+    /// let walk = person.clip("walk")?.clone();
+    /// person.prepend_clips(vec![walk]);
+    /// let names: Vec<&str> = person.clips.iter().map(|clip| clip.name()).collect();
+    /// assert_eq!(names, ["walk", "walk (2)", "wave"]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn prepend_clips(&mut self, clips: Vec<Clip>) {
+        for clip in std::mem::replace(&mut self.clips, clips) {
+            let name = free_name(clip.name(), |name| self.clips.iter().any(|c| c.name() == name));
+            self.clips.push(clip.named(name));
+        }
     }
 
     /// Weights of the morph targets at rest.
@@ -86,4 +100,19 @@ impl Character {
         }
         Ok(positions)
     }
+}
+/// The clip with this name.
+pub(super) fn clip_named<'a>(clips: &'a [Clip], name: &str) -> Result<&'a Clip, CharacterError> {
+    let unknown = || {
+        let known: Vec<String> = clips.iter().map(|c| format!("{:?}", c.name())).collect();
+        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+        CharacterError::Input(format!("there is no clip {name:?} (known: {known})"))
+    };
+    clips.iter().find(|clip| clip.name() == name).ok_or_else(unknown)
+}
+
+/// The name, numbered where it is taken.
+pub(super) fn free_name(name: &str, taken: impl Fn(&str) -> bool) -> String {
+    let numbered = (1..).map(|k| if k == 1 { name.to_owned() } else { format!("{name} ({k})") });
+    numbered.into_iter().find(|name| !taken(name)).expect("there is no end of numbers")
 }

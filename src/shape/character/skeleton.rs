@@ -144,6 +144,12 @@ impl Skeleton {
         globals
     }
 
+    /// The parent of a joint, its parent, and so on to the root.
+    pub(crate) fn ancestors(&self, joint: u32) -> impl Iterator<Item = u32> + '_ {
+        let parent = |j: u32| self.joints[j as usize].parent;
+        std::iter::successors(parent(joint), move |j| parent(*j))
+    }
+
     /// Joint positions at rest, world.
     pub fn rest_positions(&self) -> Vec<Point3<f64>> {
         self.rest_globals().iter().map(origin).collect()

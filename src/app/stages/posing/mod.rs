@@ -41,15 +41,13 @@ pub(super) fn retargeted(
             path.display()
         ));
     }
-    let wanted = clip;
-    let named = |clip: &&Clip| wanted.is_none_or(|name| clip.name() == name);
-    let clips: Vec<&Clip> = source.clips.iter().filter(named).collect();
-    if clips.is_empty() {
-        let known: Vec<String> = source.clips.iter().map(|c| format!("{:?}", c.name())).collect();
-        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-        let wanted = wanted.map_or_else(|| "no clip".to_owned(), |name| format!("no clip {name:?}"));
-        return Err(RunError::Input(format!("there is {wanted} (known: {known})")).about(path.display()));
-    }
+    let clips: Vec<&Clip> = match clip {
+        Some(name) => vec![source.clip(name).map_err(about)?],
+        None if source.clips.is_empty() => {
+            return Err(RunError::Input("it has no movement".to_owned()).about(path.display()));
+        }
+        None => source.clips.iter().collect(),
+    };
     let mut carried = Vec::new();
     for clip in clips {
         let (clip, report) = retarget(
@@ -139,18 +137,6 @@ pub(super) fn only(carried: &[Clip], rig: bool) -> Result<Option<String>, RunErr
     }
 }
 
-/// Clips that were carried over come first; those of the character keep their names beside them, numbered where one is taken.
-pub(super) fn add_clips(character: &mut Character, carried: Vec<Clip>) {
-    let mut clips = carried;
-    for clip in std::mem::take(&mut character.clips) {
-        let taken = |name: &str| clips.iter().any(|c| c.name() == name);
-        let numbered = (1..).map(|k| if k == 1 { clip.name().to_owned() } else { format!("{} ({k})", clip.name()) });
-        let name = numbered.into_iter().find(|name| !taken(name)).expect("there is no end of numbers");
-        clips.push(clip.named(name));
-    }
-    character.clips = clips;
-}
-
 /// Begin and end of a movement of a file, s; of its only movement where none is named.
 ///
 /// # Errors
@@ -161,10 +147,6 @@ pub(crate) fn clip_span(path: &Path, clip: Option<&str>) -> Result<(f64, f64), R
         Some(name) => name.to_owned(),
         None => only(&rig.clips, false)?.unwrap_or_default(),
     };
-    let known: Vec<String> = rig.clips.iter().map(|c| format!("{:?}", c.name())).collect();
-    let found = rig.clips.iter().find(|c| c.name() == name).ok_or_else(|| {
-        let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-        RunError::Input(format!("there is no clip {name:?} (known: {known})")).about(path.display())
-    })?;
+    let found = rig.clip(&name).map_err(|e| RunError::from(e).about(path.display()))?;
     Ok(found.span().unwrap_or((0.0, 0.0)))
 }

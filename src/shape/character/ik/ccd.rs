@@ -82,6 +82,5 @@ pub(super) fn chain(
     at: &Point3<f64>,
 ) -> Result<Vec<u32>, CharacterError> {
     check_joints(skeleton, 0, &[tip], at.iter().all(|x| x.is_finite()))?;
-    let parent = |j: u32| skeleton.joints()[j as usize].parent;
-    Ok(std::iter::successors(parent(tip), |&j| parent(j)).take(joints).collect())
+    Ok(skeleton.ancestors(tip).take(joints).collect())
 }

@@ -7,10 +7,10 @@ use crate::character::{CharacterError, Pose, Skeleton};
 
 /// World frames and rotations of all joints.
 #[derive(Clone)]
-pub(super) struct Frames {
+pub(in crate::character) struct Frames {
     pub(super) world: Vec<Matrix4<f64>>,
     /// Accumulated rotation of each joint, without scale.
-    pub(super) rotation: Vec<UnitQuaternion<f64>>,
+    pub(in crate::character) rotation: Vec<UnitQuaternion<f64>>,
     /// Length of the chain from the root to each joint.
     reach: Vec<f64>,
 }
@@ -19,13 +19,13 @@ pub(super) struct Frames {
 const NO_LENGTH: f64 = 1.0;
 
 impl Frames {
-    pub(super) fn of(skeleton: &Skeleton, pose: &Pose) -> Result<Self, CharacterError> {
+    pub(in crate::character) fn of(skeleton: &Skeleton, pose: &Pose) -> Result<Self, CharacterError> {
         skeleton.globals(pose)?;
         Ok(Self::chained(skeleton, pose))
     }
 
     /// Without checks, for a pose known to belong to the skeleton.
-    pub(super) fn chained(skeleton: &Skeleton, pose: &Pose) -> Self {
+    pub(in crate::character) fn chained(skeleton: &Skeleton, pose: &Pose) -> Self {
         let joints = skeleton.joint_count();
         let (world, rotation) = (vec![Matrix4::identity(); joints], vec![UnitQuaternion::identity(); joints]);
         let mut frames = Self { world, rotation, reach: vec![0.0; joints] };
@@ -50,6 +50,11 @@ impl Frames {
     /// Position of a joint.
     pub(super) fn at(&self, joint: u32) -> Point3<f64> {
         origin(&self.world[joint as usize])
+    }
+
+    /// Positions of all joints.
+    pub(in crate::character) fn positions(&self) -> Vec<Point3<f64>> {
+        self.world.iter().map(origin).collect()
     }
 
     /// World position of a point in a joint's frame.

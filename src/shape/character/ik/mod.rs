@@ -48,7 +48,7 @@ pub use ccd::ccd;
 pub use fabrik::fabrik;
 pub use two_bone::two_bone;
 
-use frames::Frames;
+pub(super) use frames::Frames;
 use least_squares::Problem;
 use variables::Variables;
 
@@ -202,6 +202,12 @@ pub fn body_roots(skeleton: &Skeleton) -> Vec<u32> {
         }
     }
     roots
+}
+
+/// Whether a target moves a root: one on it, or the position of a joint that it alone moves, such as the hip of a leg.
+fn moves_root(skeleton: &Skeleton, root: u32, target: &Target) -> bool {
+    let is_position = matches!(target.goal, Goal::Position { .. });
+    target.joint == root || is_position && skeleton.joints()[target.joint as usize].parent == Some(root)
 }
 
 /// A pose and its residuals.
@@ -433,6 +439,5 @@ fn no_chain(target: usize) -> CharacterError {
 
 /// Whether `ancestor` is a proper ancestor of a joint.
 fn above(skeleton: &Skeleton, joint: u32, ancestor: u32) -> bool {
-    let parent = |j: u32| skeleton.joints()[j as usize].parent;
-    std::iter::successors(parent(joint), |&j| parent(j)).any(|j| j == ancestor)
+    skeleton.ancestors(joint).any(|j| j == ancestor)
 }

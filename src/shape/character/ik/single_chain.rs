@@ -5,8 +5,8 @@ use nalgebra::Point3;
 
 use super::frames::Frames;
 use super::{
-    Goal, IkMethod, IkOptions, IkSolution, RootMotion, Target, body_roots, ccd, fabrik, no_chain, residual, two_bone,
-    within_limits,
+    Goal, IkMethod, IkOptions, IkSolution, RootMotion, Target, body_roots, ccd, fabrik, moves_root, no_chain, residual,
+    two_bone, within_limits,
 };
 use crate::character::{CharacterError, Pose, Skeleton};
 use plumbline_num::run::Run;
@@ -34,9 +34,8 @@ pub(super) fn solve(
             Goal::Pole { .. } if options.method == IkMethod::TwoBone => continue,
             _ => return Err(refused("it brings the origins of joints to positions, nothing else")),
         };
-        let parent = |j: u32| skeleton.joints()[j as usize].parent;
-        let joints = target.chain.unwrap_or(usize::MAX).min(below_root(skeleton, target.joint, options.root));
-        let mut chain = std::iter::successors(parent(target.joint), |&j| parent(j)).take(joints);
+        let joints = target.chain.unwrap_or(usize::MAX).min(below_root(skeleton, target, options.root));
+        let mut chain = skeleton.ancestors(target.joint).take(joints);
         if chain.any(|j| options.locked.contains(&j)) {
             return Err(refused("a joint of the chain is locked"));
         }
@@ -57,15 +56,13 @@ pub(super) fn solve(
 }
 
 /// Number of ancestors below the pinned root; all ancestors where the target is on the root itself.
-fn below_root(skeleton: &Skeleton, joint: u32, root: RootMotion) -> usize {
+fn below_root(skeleton: &Skeleton, target: &Target, root: RootMotion) -> usize {
     let roots = body_roots(skeleton);
-    // A joint next to a root is moved by that alone.
-    let next_to_root = skeleton.joints()[joint as usize].parent.is_some_and(|parent| roots.contains(&parent));
-    if root == RootMotion::Rotates || roots.contains(&joint) || next_to_root {
+    if root == RootMotion::Rotates || roots.contains(&target.joint) {
         return usize::MAX;
     }
-    let parent = |j: &u32| skeleton.joints()[*j as usize].parent;
-    std::iter::successors(parent(&joint), parent).take_while(|j| !roots.contains(j)).count()
+    let rotates = |j: &u32| !roots.contains(j) || moves_root(skeleton, *j, target);
+    skeleton.ancestors(target.joint).take_while(rotates).count()
 }
 
 /// The closed form: root and middle joint are those of a pole of the same joint, or its two ancestors.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::{Goal, IkOptions, RootMotion, Target, body_roots};
+use super::{Goal, IkOptions, RootMotion, Target, body_roots, moves_root};
 use crate::character::{Limits, Pose, Skeleton, SwingTwist};
 use plumbline_num::math::Trs;
 
@@ -16,12 +16,6 @@ pub(super) enum Motion {
     Rotation(u32),
     /// Its translation: of a root that a position is sought for.
     Translation(u32),
-}
-
-/// Whether a position is sought for a joint that nothing but roots moves, such as the hip of a leg.
-fn rests_on(skeleton: &Skeleton, roots: &[u32], target: &Target) -> bool {
-    let parent = skeleton.joints().get(target.joint as usize).and_then(|joint| joint.parent);
-    matches!(target.goal, Goal::Position { .. }) && parent.is_some_and(|parent| roots.contains(&parent))
 }
 
 impl Motion {
@@ -50,10 +44,7 @@ pub(super) struct Variables {
 
 impl Variables {
     pub(super) fn of(skeleton: &Skeleton, targets: &[Target], options: &IkOptions, unit: f64) -> Self {
-        let chain = |target: &Target| {
-            let parent = |j: &u32| skeleton.joints()[*j as usize].parent;
-            std::iter::successors(Some(target.joint), parent)
-        };
+        let chain = |target: &Target| std::iter::once(target.joint).chain(skeleton.ancestors(target.joint));
         let mut rotates = vec![false; skeleton.joint_count()];
         for target in targets {
             let count = target.chain.map_or(usize::MAX, |n| n.saturating_add(1));
@@ -61,9 +52,8 @@ impl Variables {
         }
         let mut translates = vec![false; skeleton.joint_count()];
         if options.root == RootMotion::Pinned {
-            let roots = body_roots(skeleton);
-            for &root in &roots {
-                rotates[root as usize] = targets.iter().any(|t| t.joint == root || rests_on(skeleton, &roots, t));
+            for root in body_roots(skeleton) {
+                rotates[root as usize] = targets.iter().any(|t| moves_root(skeleton, root, t));
                 let sought = |t: &Target| t.joint == root && matches!(t.goal, Goal::Position { .. });
                 translates[root as usize] = targets.iter().any(sought);
             }

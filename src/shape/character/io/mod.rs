@@ -11,7 +11,8 @@ mod tgf;
 
 use std::path::Path;
 
-use super::{Clip, RigFileError, Skeleton};
+use super::character::clip_named;
+use super::{CharacterError, Clip, RigFileError, Skeleton};
 use crate::mesh::{ReadLimits, read_model};
 use plumbline_num::document::read_bounded;
 use plumbline_num::run::Run;
@@ -33,6 +34,16 @@ pub struct Rig {
     pub clips: Vec<Clip>,
     /// What the reader left out.
     pub warnings: Vec<String>,
+}
+
+impl Rig {
+    /// The clip with this name.
+    ///
+    /// # Errors
+    /// [`CharacterError::Input`], with the names of all clips.
+    pub fn clip(&self, name: &str) -> Result<&Clip, CharacterError> {
+        clip_named(&self.clips, name)
+    }
 }
 
 /// Reads a skeleton file; the format (JSON, glTF, BVH, `.tgf`, `.skel`) follows from the extension. The limits are those of glTF, the

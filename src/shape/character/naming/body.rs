@@ -297,7 +297,7 @@ fn best_pairs(tree: &Tree, ends: &[u32], longest: f64) -> Option<Pairs> {
     best
 }
 
-/// Lengths of two pairs, less where they differ, if one plane is in the middle of both: a head beside an arm is no pair.
+/// Lengths of two pairs, less where they differ, if both are on either side of one plane.
 fn scored(tree: &Tree, limbs: [[u32; 2]; 2]) -> Option<Pairs> {
     let [[a, b], [c, e]] = limbs;
     let junctions = [tree.median(a, b, c)?, tree.median(c, e, a)?];
@@ -320,11 +320,10 @@ fn scored(tree: &Tree, limbs: [[u32; 2]; 2]) -> Option<Pairs> {
     // Where the middle of each pair is along the normal of the plane, and how far its limbs are from there.
     let [(center, half), (other, other_half)] =
         [0, 1].map(|k| middles[k].map(|m| m.dot(&side))).map(|[p, q]| (0.5 * (p + q), 0.5 * (p - q).abs()));
-    let centered = 1.0 - (center - other).abs() / half.min(other_half);
-    (parallel.abs() > 0.5 && centered > 0.0).then(|| Pairs {
+    (parallel.abs() > 0.5).then(|| Pairs {
         limbs,
         junctions,
-        score: score * parallel.abs() * centered,
+        score: score * parallel.abs(),
         side,
         center: 0.5 * (center + other),
         half: half.max(other_half),

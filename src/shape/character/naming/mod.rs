@@ -1,7 +1,8 @@
 //! Names that a skeleton without names may have: those of the parts of a biped or a quadruped, with sides.
 //!
 //! A body has two pairs of limbs of about equal length at the two ends of a trunk, and a head at one of them. Pairs are found by path lengths
-//! on the tree of joints alone, which no pose changes; their directions only decide what the body is:
+//! on the tree of joints, which no pose changes, and by a plane between their limbs, near which the head is; their directions decide what
+//! the body is:
 //!
 //! | body | limbs at the end without the head | limbs at the head |
 //! | --- | --- | --- |
@@ -19,6 +20,7 @@ mod tests;
 
 use std::collections::{HashMap, HashSet};
 
+use super::character::free_name;
 use super::{CharacterError, CurveSkeleton, Joint, Skeleton};
 use body::Body;
 
@@ -149,15 +151,11 @@ pub fn propose_names(skeleton: &Skeleton, curve: &CurveSkeleton) -> Option<Propo
     }
     // Names of other joints stay, unless one was given away.
     let given: HashSet<String> = names.iter().flatten().cloned().collect();
-    let name = |(own, joint): (Option<String>, &Joint)| own.unwrap_or_else(|| free(&joint.name, &given));
+    let name = |(own, joint): (Option<String>, &Joint)| {
+        own.unwrap_or_else(|| free_name(&joint.name, |name| given.contains(name)))
+    };
     let names = names.into_iter().zip(skeleton.joints()).map(name).collect();
     Some(ProposedNames { names, body: body.plan, sides: body.sides })
-}
-
-/// The name, numbered where it was given to another joint.
-fn free(name: &str, given: &HashSet<String>) -> String {
-    let numbered = (1..).map(|k| if k == 1 { name.to_owned() } else { format!("{name} ({k})") });
-    numbered.into_iter().find(|name| !given.contains(name)).expect("there is no end of numbers")
 }
 
 /// Fractions of the length of a limb, from the trunk, up to which its joints are the first and the second part; the third begins behind

@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use super::Correspondence;
 use super::names::{Part, Role, Side, roles};
-use super::sampling::{positions, world_rotations};
 use crate::character::Skeleton;
+use crate::character::ik::Frames;
 use plumbline_num::math::nearest_rotation;
 
 /// A leg that ends at the ground, with the joints of the source in brackets.
@@ -57,7 +57,7 @@ const FOOT_HEIGHT: f64 = 0.2;
 impl Alignment {
     pub(super) fn new(source: &Skeleton, target: &Skeleton, map: &Correspondence) -> Self {
         let at = [source, target].map(Skeleton::rest_positions);
-        let rest = [source, target].map(|s| world_rotations(s, &s.rest_pose()));
+        let rest = [source, target].map(|s| Frames::chained(s, &s.rest_pose()).rotation);
         let roles = [source, target].map(roles);
         let rotation = rotation_between(&at, map);
         let up = upward(&at[0], &roles[0]);
@@ -95,13 +95,12 @@ impl Alignment {
         let height = |j: u32| self.at[1][j as usize].coords.dot(&self.up[1]);
         let lowest = (0..target.joint_count() as u32).map(height).fold(f64::INFINITY, f64::min);
         let high = lowest + FOOT_HEIGHT * (height(root) - lowest);
-        let parent = |j: &u32| target.joints()[*j as usize].parent;
         let extent = limb.iter().copied().fold(0.0, f64::max);
         let mut legs: Vec<Leg> = Vec::new();
         let leaves = (0..target.joint_count() as u32).filter(|j| target.children(*j).is_empty());
         for leaf in leaves.filter(|leaf| height(*leaf) < high) {
-            let mut chain: Vec<u32> =
-                std::iter::successors(Some(leaf), parent).take_while(|j| !self.trunk[*j as usize]).collect();
+            let upward = std::iter::once(leaf).chain(target.ancestors(leaf));
+            let mut chain: Vec<u32> = upward.take_while(|j| !self.trunk[*j as usize]).collect();
             chain.reverse();
             let tail = chain.iter().any(|j| matches!(roles[*j as usize], Some((Part::Tail, ..))));
             let long = chain.first().is_some_and(|j| limb[*j as usize] >= LIMB * extent);
@@ -189,7 +188,7 @@ impl Alignment {
             let above = joint.parent.map_or_else(UnitQuaternion::identity, |p| world[p as usize]);
             pose.locals[k].rotation = above.inverse() * world[k];
         }
-        let Ok(bent) = positions(target, &pose) else { return Vector3::zeros() };
+        let bent = Frames::chained(target, &pose).positions();
         let lost = |leg: &Leg| {
             let foot = leg.foot[1] as usize;
             (self.at[1][foot] - bent[foot]).dot(&self.up[1])
@@ -309,10 +308,11 @@ fn trunk(skeleton: &Skeleton) -> Trunk {
 
 /// Length of the bones from an ancestor to a joint.
 fn length(skeleton: &Skeleton, at: &[Point3<f64>], top: u32, end: u32) -> f64 {
-    let parent = |j: &u32| skeleton.joints()[*j as usize].parent;
-    let chain: Vec<u32> = std::iter::successors(Some(end), parent).take_while(|j| *j != top).collect();
-    let bone = |j: &u32| parent(j).map_or(0.0, |p| nalgebra::distance(&at[*j as usize], &at[p as usize]));
-    chain.iter().map(bone).sum()
+    let chain = std::iter::once(end).chain(skeleton.ancestors(end)).take_while(|j| *j != top);
+    let bone = |j: u32| {
+        skeleton.joints()[j as usize].parent.map_or(0.0, |p| nalgebra::distance(&at[j as usize], &at[p as usize]))
+    };
+    chain.map(bone).sum()
 }
 
 /// Root mean square distances of corresponding joints from their means.

@@ -14,8 +14,8 @@ use std::collections::HashMap;
 
 use nalgebra::Point3;
 
-use super::names::{self, Role};
-use super::{JointMap, check_size, names::words};
+use super::names::{self, Role, words};
+use super::{JointMap, check_size};
 use crate::character::fitting::fit_template;
 use crate::character::{CharacterError, CurveSkeleton, Skeleton};
 use plumbline_num::run::Run;
@@ -51,7 +51,8 @@ impl Correspondence {
     /// Finds the correspondence of two skeletons.
     ///
     /// # Errors
-    /// [`CharacterError::Input`] with the names of the joints, where nothing corresponds, or for more than 2000 joints; [`CharacterError::Interrupted`].
+    /// [`CharacterError::Input`] with the names of the joints, where nothing corresponds; a map of other skeletons; more than
+    /// 2000 joints. [`CharacterError::Interrupted`].
     ///
     /// ```
     /// use plumbline_num::run::Run;
@@ -65,6 +66,13 @@ impl Correspondence {
     /// ```
     pub fn find(source: &Skeleton, target: &Skeleton, map: &JointMap, run: &Run) -> Result<Self, CharacterError> {
         check_size(source, target)?;
+        let joints = |(joint, followed): &(u32, Option<u32>)| [(target, Some(*joint)), (source, *followed)];
+        let is_missing = |(of, joint): &(&Skeleton, Option<u32>)| joint.is_some_and(|j| j as usize >= of.joint_count());
+        if map.pairs.iter().flat_map(joints).any(|pair| is_missing(&pair)) {
+            return Err(CharacterError::Input(
+                "the map of joints is of other skeletons: it has joints that they do not".to_owned(),
+            ));
+        }
         let roles = [source, target].map(names::roles);
         let mut source_of = by_names(source, target, &roles);
         let mut by = MatchedBy::Names;
@@ -142,11 +150,9 @@ fn by_names(source: &Skeleton, target: &Skeleton, roles: &[Vec<Option<Role>>; 2]
 fn enough(source: &Skeleton, target: &Skeleton, source_of: &[Option<u32>]) -> bool {
     let limbs = |skeleton: &Skeleton, mapped: &[bool]| {
         let ends = (0..skeleton.joint_count() as u32).filter(|j| skeleton.children(*j).is_empty());
-        let parent = |j: &u32| skeleton.joints()[*j as usize].parent;
         let limb = |end: u32| {
-            let chain =
-                std::iter::successors(Some(end), parent).take_while(|j| *j == end || skeleton.children(*j).len() < 2);
-            chain.filter(|j| mapped[*j as usize]).count()
+            let above = skeleton.ancestors(end).take_while(|j| skeleton.children(*j).len() < 2);
+            std::iter::once(end).chain(above).filter(|j| mapped[*j as usize]).count()
         };
         let limbs: Vec<usize> = ends.map(limb).collect();
         (limbs.iter().filter(|count| **count >= 2).count(), limbs.len())
@@ -193,12 +199,11 @@ fn by_shape(source: &Skeleton, target: &Skeleton, run: &Run) -> Result<Option<Fi
     };
     let images = fit.skeleton.rest_positions();
     let mut placed = vec![false; source.joint_count()];
-    let parent = |j: &u32| source.joints()[*j as usize].parent;
     for limb in fit.limbs.iter().filter(|limb| limb.stretch.is_some()) {
         // The joints between the two ends: one is an ancestor of the other, or both are below the root.
         for end in [limb.from, limb.to] {
             let stop = if end == limb.from { limb.to } else { limb.from };
-            let chain: Vec<u32> = std::iter::successors(Some(end), parent).collect();
+            let chain: Vec<u32> = std::iter::once(end).chain(source.ancestors(end)).collect();
             let length = chain.iter().position(|j| *j == stop).map_or_else(
                 || chain.iter().position(|j| source.children(*j).len() > 1).map_or(chain.len(), |k| k + 1),
                 |k| k + 1,
@@ -242,38 +247,15 @@ fn reach(target: &Skeleton) -> f64 {
 
 /// Drops pairs that are at odds with the hierarchy: of a joint whose nearest mapped ancestor does not follow an ancestor.
 fn in_order(source: &Skeleton, target: &Skeleton, source_of: &mut [Option<u32>], forced: &[u32]) {
-    let (enter, leave) = intervals(source);
-    let below = |j: u32, a: u32| enter[a as usize] <= enter[j as usize] && leave[j as usize] <= leave[a as usize];
     let mut above: Vec<Option<u32>> = vec![None; target.joint_count()];
     for &j in target.parents_first() {
         let inherited = target.joints()[j as usize].parent.and_then(|p| source_of[p as usize].or(above[p as usize]));
         above[j as usize] = inherited;
         if let (Some(own), Some(ancestor)) = (source_of[j as usize], inherited)
-            && (!below(own, ancestor) || own == ancestor)
+            && !source.ancestors(own).any(|above| above == ancestor)
             && !forced.contains(&j)
         {
             source_of[j as usize] = None;
         }
     }
-}
-
-/// First and last number of each joint and its descendants in depth-first order.
-fn intervals(skeleton: &Skeleton) -> (Vec<usize>, Vec<usize>) {
-    let count = skeleton.joint_count();
-    let mut size = vec![1; count];
-    for &j in skeleton.parents_first().iter().rev() {
-        if let Some(parent) = skeleton.joints()[j as usize].parent {
-            size[parent as usize] += size[j as usize];
-        }
-    }
-    let (mut enter, mut next, mut top) = (vec![0; count], vec![0; count], 0);
-    for &j in skeleton.parents_first() {
-        let k = j as usize;
-        let slot = skeleton.joints()[k].parent.map_or(&mut top, |p| &mut next[p as usize]);
-        enter[k] = *slot;
-        *slot += size[k];
-        next[k] = enter[k] + 1;
-    }
-    let leave = (0..count).map(|k| enter[k] + size[k] - 1).collect();
-    (enter, leave)
 }

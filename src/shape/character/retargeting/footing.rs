@@ -14,10 +14,10 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::alignment::{Alignment, Leg};
 use super::contacts::{Contact, Sole, contacts, level};
-use super::sampling::{Motion, positions, world_rotations};
+use super::sampling::Motion;
 use super::transfer::place;
 use super::{FootReport, RetargetingReport};
-use crate::character::ik::{Goal, IkOptions, Target, solve};
+use crate::character::ik::{Frames, Goal, IkOptions, Target, solve};
 use crate::character::{CharacterError, Pose, Skeleton};
 use plumbline_num::run::Run;
 
@@ -60,7 +60,8 @@ pub(super) fn hold_feet(
     report: &mut RetargetingReport,
     run: &Run,
 ) -> Result<(), CharacterError> {
-    let free: Vec<Vec<Point3<f64>>> = poses.iter().map(|pose| positions(target, pose)).collect::<Result<_, _>>()?;
+    let positions = |pose: &Pose| Frames::of(target, pose).map(|frames| frames.positions());
+    let free: Vec<Vec<Point3<f64>>> = poses.iter().map(positions).collect::<Result<_, _>>()?;
     let feet: Vec<Foot<'_>> =
         alignment.legs.iter().map(|leg| Foot::new(times, motion, &free, alignment, leg)).collect();
     let lowered = lowered(times, &free, &feet, alignment);
@@ -71,7 +72,7 @@ pub(super) fn hold_feet(
         if !moved && lowered[k] == 0.0 {
             continue;
         }
-        let rotations = world_rotations(target, pose);
+        let rotations = Frames::chained(target, pose).rotation;
         let goals: Vec<(Point3<f64>, UnitQuaternion<f64>)> = feet
             .iter()
             .map(|foot| {
@@ -87,7 +88,7 @@ pub(super) fn hold_feet(
             report.missed = report.missed.max(missed / foot.leg.length[1]);
         }
     }
-    let held: Vec<Vec<Point3<f64>>> = poses.iter().map(|pose| positions(target, pose)).collect::<Result<_, _>>()?;
+    let held: Vec<Vec<Point3<f64>>> = poses.iter().map(positions).collect::<Result<_, _>>()?;
     report.feet = feet.iter().map(|foot| foot.report(times, &held, alignment)).collect();
     Ok(())
 }

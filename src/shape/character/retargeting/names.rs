@@ -82,9 +82,8 @@ fn hips(skeleton: &Skeleton, found: &mut BTreeMap<(Part, Side), Vec<u32>>) {
     }
     let thigh = |side| found.get(&(Part::Thigh, side)).and_then(|joints| joints.first().copied());
     let (Some(left), Some(right)) = (thigh(Side::Left), thigh(Side::Right)) else { return };
-    let parent = |j: &u32| skeleton.joints()[*j as usize].parent;
-    let above: Vec<u32> = std::iter::successors(parent(&left), parent).collect();
-    let Some(common) = std::iter::successors(parent(&right), parent).find(|j| above.contains(j)) else { return };
+    let above: Vec<u32> = skeleton.ancestors(left).collect();
+    let Some(common) = skeleton.ancestors(right).find(|j| above.contains(j)) else { return };
     for joints in found.values_mut() {
         joints.retain(|j| *j != common);
     }

@@ -6,6 +6,7 @@ use nalgebra::{Point3, UnitQuaternion};
 
 use super::MAX_FRAMES;
 use crate::character::clip::{Curve, Interpolation, Keys, Track, rotations};
+use crate::character::ik::Frames;
 use crate::character::{CharacterError, Clip, Extrapolation, Pose, Skeleton};
 use plumbline_num::run::Run;
 
@@ -43,28 +44,13 @@ impl Motion {
         for &time in times {
             run.check()?;
             let pose = clip.pose(skeleton, time, Extrapolation::Constant)?;
-            motion.rotations.push(world_rotations(skeleton, &pose));
-            motion.positions.push(positions(skeleton, &pose)?);
+            let frames = Frames::of(skeleton, &pose)?;
+            motion.positions.push(frames.positions());
+            motion.rotations.push(frames.rotation);
             motion.locals.push(pose);
         }
         Ok(motion)
     }
-}
-
-/// World rotations, without scale.
-pub(super) fn world_rotations(skeleton: &Skeleton, pose: &Pose) -> Vec<UnitQuaternion<f64>> {
-    let mut rotations = vec![UnitQuaternion::identity(); pose.locals.len()];
-    for &j in skeleton.parents_first() {
-        let above =
-            skeleton.joints()[j as usize].parent.map_or_else(UnitQuaternion::identity, |p| rotations[p as usize]);
-        rotations[j as usize] = UnitQuaternion::new_normalize((above * pose.locals[j as usize].rotation).into_inner());
-    }
-    rotations
-}
-
-/// World positions.
-pub(super) fn positions(skeleton: &Skeleton, pose: &Pose) -> Result<Vec<Point3<f64>>, CharacterError> {
-    Ok(skeleton.globals(pose)?.iter().map(|g| Point3::new(g[(0, 3)], g[(1, 3)], g[(2, 3)])).collect())
 }
 
 /// Difference from rest above which a joint has a track: above rounding.

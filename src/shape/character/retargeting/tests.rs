@@ -3,6 +3,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use super::*;
 use crate::character::clip::{Curve, Interpolation, rotations};
 use crate::character::humanoid::humanoid;
+use crate::character::ik::Frames;
 use crate::character::{Extrapolation, Joint, Limits, Pose, Track};
 use plumbline_num::math::Trs;
 
@@ -164,7 +165,7 @@ fn carried(source: &Skeleton, clip: &Clip, target: &Skeleton) -> (Clip, Retarget
 }
 
 fn at(skeleton: &Skeleton, clip: &Clip, t: f64) -> Vec<Point3<f64>> {
-    sampling::positions(skeleton, &clip.pose(skeleton, t, Extrapolation::Constant).expect("valid")).expect("valid")
+    Frames::chained(skeleton, &clip.pose(skeleton, t, Extrapolation::Constant).expect("valid")).positions()
 }
 
 fn worst(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
@@ -371,4 +372,14 @@ fn clips_that_are_too_long_are_refused() {
     let (clip, _) =
         retarget(&skeleton, &still, &skeleton, &map, &RetargetingOptions::default(), &Run::default()).expect("valid");
     assert!(clip.tracks().is_empty());
+}
+
+#[test]
+fn a_map_of_other_skeletons_is_refused() {
+    let skeleton = humanoid(0.1).expect("valid").skeleton;
+    for pair in [(9999, None), (0, Some(9999))] {
+        let map = JointMap { pairs: vec![pair] };
+        let refused = Correspondence::find(&skeleton, &skeleton, &map, &Run::default()).expect_err("no such joint");
+        assert!(refused.to_string().contains("of other skeletons"), "{refused}");
+    }
 }

@@ -128,10 +128,10 @@ fn follows(target: &Skeleton, map: &Correspondence, alignment: &Alignment) -> Ve
         if let Some(i) = map.source_of[j as usize] {
             return Follows::Joint(i);
         }
-        let mut above = std::iter::successors(parent(j), |p| parent(*p));
-        let Some(a) = above.find(|p| map.source_of[*p as usize].is_some()) else { return Follows::Parent };
-        let ancestor =
-            |c: u32| std::iter::successors(parent(c), |p| parent(*p)).take_while(|p| *p != a).any(|p| p == j);
+        let Some(a) = target.ancestors(j).find(|p| map.source_of[*p as usize].is_some()) else {
+            return Follows::Parent;
+        };
+        let ancestor = |c: u32| target.ancestors(c).take_while(|p| *p != a).any(|p| p == j);
         if alignment.trunk[j as usize] {
             // The next joint of the trunk, or of a limb that goes on from it.
             let next = below[a as usize].iter().map(|pair| pair[1]).filter(|c| ancestor(*c));
@@ -171,10 +171,7 @@ fn along(at: &[Point3<f64>], a: u32, j: u32, b: u32) -> (f64, f64) {
 /// Joints other than the root that the motion translates, with those that follow them.
 fn stretching(source: &Skeleton, motion: &Motion, map: &Correspondence, alignment: &Alignment) -> Vec<[u32; 2]> {
     let root = alignment.root.map(|pair| pair[0]);
-    let above_root = |i: u32| {
-        let parent = |j: &u32| source.joints()[*j as usize].parent;
-        root.is_some_and(|root| std::iter::successors(Some(root), parent).any(|j| j == i))
-    };
+    let above_root = |i: u32| root.is_some_and(|root| root == i || source.ancestors(root).any(|j| j == i));
     let moves = |i: u32| {
         let rest = source.joints()[i as usize].rest.translation;
         motion.locals.iter().any(|pose| (pose.locals[i as usize].translation - rest).norm() > 1e-9 * rest.norm())

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use nalgebra::Matrix4;
 
+use crate::character::character::free_name;
 use crate::character::{Joint, RigFileError, Skeleton};
 use crate::mesh::NO_VALUE;
 use crate::mesh::model::articulation::{Articulation, NodeTransform};
@@ -74,8 +75,7 @@ fn names(articulation: &Articulation, nodes: &[u32], warnings: &mut Vec<String>)
         let own = articulation.nodes[node as usize].name.clone().filter(|name| !name.is_empty());
         let named = own.is_some();
         let base = own.unwrap_or_else(|| format!("node {node}"));
-        let unique = (1..).map(|k| if k == 1 { base.clone() } else { format!("{base} ({k})") });
-        let name = unique.into_iter().find(|name| !taken.contains(name)).expect("there is no end of numbers");
+        let name = free_name(&base, |name| taken.contains(name));
         renamed += usize::from(named && name != base);
         taken.insert(name.clone());
         name
