@@ -97,7 +97,7 @@ lint: deps
 unit: deps
 	cargo test --workspace --locked
 
-oracle: deps .venv/ready .venv/node_modules/gltf-validator
+oracle: deps .venv/ready .venv/node_modules/ready
 	NODE_PATH=$(CURDIR)/.venv/node_modules .venv/bin/python tests/oracle/run.py
 
 # Plans on a Dask cluster of this machine, whose workers and scheduler are killed.
@@ -134,7 +134,8 @@ deps-build:
 	.venv/bin/pip install --quiet --disable-pip-version-check --require-virtualenv -r $<
 	@touch $@
 
-# The Khronos validator, for the oracle test of glTF files.
-.venv/node_modules/gltf-validator: .venv/ready
-	npm install --prefix .venv --no-save --no-package-lock --no-audit --no-fund gltf-validator@2.0.0-dev.3.10
+# The Khronos validator and an encoder of compressed files, for the oracle tests of glTF.
+NPM_ORACLES := gltf-validator@2.0.0-dev.3.10 meshoptimizer@1.3.0
+.venv/node_modules/ready: .venv/ready Makefile
+	npm install --prefix .venv --no-save --no-package-lock --no-audit --no-fund $(NPM_ORACLES)
 	@touch $@

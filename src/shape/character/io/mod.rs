@@ -59,7 +59,7 @@ pub fn read_rig(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Rig, RigF
             let file = super::skeleton_file::SkeletonFile::read(path)?;
             Ok(Rig { clips: file.clips, ..alone(file.skeleton) })
         }
-        "gltf" | "glb" => {
+        "gltf" | "glb" | "vrm" => {
             let model = read_model(path, limits, run)?;
             let character = character_of(&model)?;
             Ok(Rig { skeleton: character.skeleton, clips: character.clips, warnings: character.warnings })
@@ -67,7 +67,7 @@ pub fn read_rig(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Rig, RigF
         "bvh" => parse_bvh(&text_of(path)?),
         "tgf" => parse_tgf(&text_of(path)?),
         "skel" => parse_skel(&text_of(path)?).map(alone),
-        _ => Err(unknown_extension("json, glb, gltf, bvh, tgf or skel")),
+        _ => Err(unknown_extension("json, glb, gltf, vrm, bvh, tgf or skel")),
     };
     read().map_err(|e: RigFileError| e.of_file(path))
 }

@@ -9,6 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::super::{ReadLimits, read_opened};
 use super::document::Document;
+use super::meshopt::EXTENSION;
 use super::{fault, item};
 use crate::mesh::MeshError;
 use plumbline_num::files::{AccessError, FileAccess, open_regular};
@@ -18,6 +19,10 @@ pub(super) struct Buffers<'a> {
     all: Vec<Bytes<'a>>,
     /// Bytes of the files that were read for them.
     read: u64,
+    /// What the streams of compressed views make, by view.
+    decoded: HashMap<usize, Vec<u8>>,
+    /// Bytes of those streams.
+    compressed: u64,
 }
 
 /// The bytes of a buffer; buffers in one file share them.
@@ -25,6 +30,8 @@ pub(super) struct Buffers<'a> {
 enum Bytes<'a> {
     Chunk(&'a [u8]),
     Read(Arc<[u8]>),
+    /// Stands for what the streams of compressed views make.
+    Placeholder,
 }
 
 impl Bytes<'_> {
@@ -32,6 +39,7 @@ impl Bytes<'_> {
         match self {
             Self::Chunk(bytes) => bytes,
             Self::Read(bytes) => bytes,
+            Self::Placeholder => &[],
         }
     }
 }
@@ -44,7 +52,8 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> Buffers<'a> {
-    /// Loads all buffers; their total size is limited. Only the first may be the binary chunk of a GLB file.
+    /// Loads all buffers and decodes compressed views; their total size is limited. Only the first buffer may be the binary chunk of
+    /// a GLB file.
     pub(super) fn load(
         document: &Document,
         binary: Option<&'a [u8]>,
@@ -52,24 +61,54 @@ impl<'a> Buffers<'a> {
         limits: &ReadLimits,
     ) -> Result<Self, MeshError> {
         let mut source = Source { access: access(folder, limits), left: limits.max_bytes, files: HashMap::new() };
-        let mut buffers = Vec::new();
+        let compressed = document.buffer_views.iter().any(|view| view.extensions.compression.is_some());
+        let mut all = Vec::new();
         for (k, buffer) in document.buffers.iter().enumerate() {
             let at = format!("/buffers/{k}");
-            let bytes = match &buffer.uri {
-                None if k == 0 => {
-                    Bytes::Chunk(binary.ok_or_else(|| fault(at.clone(), "has no `uri`, and the file no binary chunk"))?)
+            let bytes = match (&buffer.uri, binary) {
+                (Some(uri), _) => source.fetch(uri, &at)?,
+                (None, Some(binary)) if k == 0 => Bytes::Chunk(binary),
+                (None, _) if compressed => Bytes::Placeholder,
+                (None, _) if k == 0 => return Err(fault(at, "has no `uri`, and the file no binary chunk")),
+                (None, _) => {
+                    return Err(fault(at, "has no `uri`; only the first buffer may stand in the binary chunk"));
                 }
-                None => return Err(fault(at, "has no `uri`; only the first buffer may stand in the binary chunk")),
-                Some(uri) => source.fetch(uri, &at)?,
             };
             let length = bytes.all().len();
-            if buffer.byte_length > length as u64 {
+            if buffer.byte_length > length as u64 && !matches!(bytes, Bytes::Placeholder) {
                 let told = format!("{} bytes are announced, but there are {length}", buffer.byte_length);
                 return Err(fault(format!("{at}/byteLength"), told));
             }
-            buffers.push(bytes);
+            all.push(bytes);
         }
-        Ok(Self { all: buffers, read: limits.max_bytes - source.left })
+        let mut buffers = Self { all, read: limits.max_bytes - source.left, decoded: HashMap::new(), compressed: 0 };
+        buffers.decode(document)?;
+        Ok(buffers)
+    }
+
+    /// Decodes the compressed views. Their streams together are no longer than the buffers: none is decoded again and again.
+    fn decode(&mut self, document: &Document) -> Result<(), MeshError> {
+        let most = self.all.iter().map(|bytes| bytes.all().len() as u64).sum::<u64>();
+        for (k, view) in document.buffer_views.iter().enumerate() {
+            let Some(compression) = &view.extensions.compression else { continue };
+            let at = format!("/bufferViews/{k}/extensions/{EXTENSION}");
+            self.compressed = self.compressed.saturating_add(compression.byte_length);
+            if self.compressed > most {
+                return Err(fault(
+                    at,
+                    format!("the streams up to this one are longer than all buffers ({most} bytes)"),
+                ));
+            }
+            let stream = self.range(compression.buffer, compression.byte_offset, compression.byte_length, &at)?;
+            let bytes = compression.decode(stream, view.byte_length, &at)?;
+            self.decoded.insert(k, bytes);
+        }
+        Ok(())
+    }
+
+    /// Bytes of the streams of compressed views.
+    pub(super) fn compressed_bytes(&self) -> u64 {
+        self.compressed
     }
 
     /// Bytes of the files that were read besides the document.
@@ -80,19 +119,24 @@ impl<'a> Buffers<'a> {
     /// The bytes of a view; `user` is the JSON pointer of the value that references it, for errors.
     pub(super) fn view<'b>(&'b self, document: &Document, view: usize, user: &str) -> Result<View<'b>, MeshError> {
         let described = item(&document.buffer_views, view, user, "buffer view")?;
-        let at = format!("/bufferViews/{view}");
-        let buffer = item(&self.all, described.buffer, &at, "buffer")?.all();
-        let (from, length) = (described.byte_offset, described.byte_length);
-        let range = usize::try_from(from).ok().zip(usize::try_from(from.saturating_add(length)).ok());
-        let bytes = range.and_then(|(from, to)| buffer.get(from..to)).ok_or_else(|| {
-            let told = format!(
-                "{length} bytes from byte {from} go beyond the end of buffer {} ({} bytes)",
-                described.buffer,
-                buffer.len()
-            );
-            fault(at, told)
-        })?;
+        let bytes = match self.decoded.get(&view) {
+            Some(decoded) => decoded,
+            None => {
+                let at = format!("/bufferViews/{view}");
+                self.range(described.buffer, described.byte_offset, described.byte_length, &at)?
+            }
+        };
         Ok(View { bytes, stride: described.byte_stride.filter(|&s| s > 0).map(|s| s as usize) })
+    }
+
+    /// Bytes of a buffer, for the value at `at`.
+    fn range(&self, index: usize, from: u64, length: u64, at: &str) -> Result<&[u8], MeshError> {
+        let buffer = item(&self.all, index, at, "buffer")?.all();
+        let range = usize::try_from(from).ok().zip(usize::try_from(from.saturating_add(length)).ok());
+        range.and_then(|(from, to)| buffer.get(from..to)).ok_or_else(|| {
+            let end = buffer.len();
+            fault(at, format!("{length} bytes from byte {from} go beyond the end of buffer {index} ({end} bytes)"))
+        })
     }
 }
 

@@ -30,10 +30,16 @@ const NUMBERS_PER_ELEMENT: usize = 64;
 /// buffer view, which are zeros. A number takes up to 40 bytes in a model.
 const FREE_NUMBERS: u64 = 4 << 20;
 
+/// Numbers that may be read per byte of a compressed view: a triangle takes a byte at best, and the numbers of a vertex, most of
+/// which have one or two bytes, half of theirs.
+const NUMBERS_PER_COMPRESSED_BYTE: u64 = 8;
+
 impl<'a> Input<'a> {
     /// `size` is the number of bytes of the document and of the files that it names.
     pub(super) fn new(document: &'a Document, buffers: &'a Buffers<'a>, limits: &'a ReadLimits, size: u64) -> Self {
-        let most = usize::try_from(size.saturating_add(FREE_NUMBERS)).unwrap_or(usize::MAX);
+        let of_compressed = buffers.compressed_bytes().saturating_mul(NUMBERS_PER_COMPRESSED_BYTE);
+        let most = size.saturating_add(of_compressed).saturating_add(FREE_NUMBERS);
+        let most = usize::try_from(most).unwrap_or(usize::MAX);
         Self { document, buffers, limits, most, size, taken: Cell::new(0) }
     }
 

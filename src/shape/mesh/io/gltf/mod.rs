@@ -1,7 +1,7 @@
-//! glTF 2.0, as JSON (`.gltf`) or in one binary file (`.glb`).
+//! glTF 2.0, as JSON (`.gltf`) or in one binary file (`.glb`; `.vrm`, a person, is read as one).
 //!
 //! Read: all triangles, strips and fans of the scene, transformed by their nodes; positions, normals, the first sets of texture
-//! coordinates and colors, also quantized or sparse; node names as objects; materials with their textures, samplers and images,
+//! coordinates and colors, also quantized, sparse or compressed with meshopt; node names as objects; materials with their textures, samplers and images,
 //! passed through unparsed. A skinned mesh is read in its bind pose, as the specification requires. Nodes, skins with up to
 //! eight influences per vertex, morph targets and animations are preserved as an
 //! [`Articulation`](crate::mesh::model::articulation::Articulation) and written again. Cameras and lights are ignored. Buffers
@@ -16,6 +16,7 @@ mod articulation;
 mod buffers;
 mod document;
 mod input;
+mod meshopt;
 mod scene;
 mod write;
 
@@ -32,9 +33,17 @@ use plumbline_num::run::Run;
 
 pub(super) use write::{MAX_INFLUENCES, write};
 
-/// Prefixes of required extensions that do not prevent reading the geometry: quantization is supported, and the others concern
-/// textures, materials and lights only.
-const HARMLESS: [&str; 5] = ["KHR_mesh_quantization", "KHR_texture_", "KHR_materials_", "EXT_texture_", "KHR_lights_"];
+/// Prefixes of required extensions that do not prevent reading the geometry: quantization and meshopt compression are supported,
+/// and the others concern textures, materials, lights, and the roles of bones and expressions (VRM) only.
+const HARMLESS: [&str; 7] = [
+    "KHR_mesh_quantization",
+    meshopt::EXTENSION,
+    "KHR_texture_",
+    "KHR_materials_",
+    "EXT_texture_",
+    "KHR_lights_",
+    "VRM",
+];
 
 fn fault(at: impl Into<String>, told: impl Into<String>) -> MeshError {
     malformed(MeshFormat::Gltf, Position::Json(at.into()), told)

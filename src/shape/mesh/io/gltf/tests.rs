@@ -247,3 +247,52 @@ fn a_small_file_cannot_repeat_a_mesh_without_end() {
     document["scenes"] = json!([{ "nodes": (0..20_000).collect::<Vec<_>>() }]);
     assert!(fault_of(&document).contains("is more than the limit of 65536"));
 }
+
+/// The square with its positions in a stream of an encoder, in a second buffer; the first one is a placeholder.
+fn compressed_square() -> serde_json::Value {
+    let stream = "oAAAAT8AAAD///8BPwAAAH59fgAAAQwAAAD/AQwAAAB+AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA";
+    let length = base64::engine::general_purpose::STANDARD.decode(stream).expect("base64").len();
+    let mut document = square();
+    let indices = document["buffers"][0].clone();
+    document["buffers"] = json!([
+        { "byteLength": 48 },
+        { "byteLength": length, "uri": format!("data:application/octet-stream;base64,{stream}") },
+        indices,
+    ]);
+    document["bufferViews"][0]["extensions"] = json!({ "EXT_meshopt_compression": {
+        "buffer": 1, "byteLength": length, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES" } });
+    document["bufferViews"][1]["buffer"] = json!(2);
+    document["extensionsRequired"] = json!(["EXT_meshopt_compression"]);
+    document
+}
+
+#[test]
+fn compressed_views_are_read_in_place_of_their_placeholder() {
+    let document = compressed_square();
+    let model = decode(document.to_string().as_bytes(), MeshFormat::Gltf).expect("valid");
+    assert_eq!(model.mesh().positions(), read_square(|_| ()).mesh().positions());
+    assert_eq!(model.mesh().triangles(), [[0, 1, 2], [2, 1, 3]]);
+}
+
+#[test]
+fn faults_of_compressed_views_are_named_with_their_place() {
+    let changes: [(Change, &str); 5] = [
+        (|d| d["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]["count"] = json!(5), "in a view of 48"),
+        (|d| d["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]["buffer"] = json!(9), "there is no buffer 9"),
+        (|d| d["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]["byteOffset"] = json!(9), "beyond the end"),
+        (|d| d["bufferViews"][0]["extensions"] = json!({}), "has no `uri`"),
+        (
+            |d| {
+                let view = d["bufferViews"][0].clone();
+                d["bufferViews"].as_array_mut().expect("a list").extend(vec![view; 9]);
+            },
+            "longer than all buffers",
+        ),
+    ];
+    for (change, told) in changes {
+        let mut document = compressed_square();
+        change(&mut document);
+        let fault = fault_of(&document);
+        assert!(fault.contains(told) && fault.contains("/buffer"), "{fault}");
+    }
+}
