@@ -17,7 +17,7 @@ use super::info::{FieldOrder, HdrBytes, Ratio, VideoInfo, orientation};
 use super::losses::Losses;
 use super::probe::kinds;
 use super::unpack::{Unpacker, extra};
-use super::{Input, MediaError, ReadOptions, ReadReport};
+use super::{FrameSpan, Input, MediaError, ReadOptions, ReadReport};
 use plumbline_image::{Frame, FrameBuffer};
 use plumbline_num::run::Stopped;
 use plumbline_num::time::{Timebase, Timestamp};
@@ -48,6 +48,9 @@ pub struct VideoReader {
     cut: bool,
     /// Where the last frame ends, ticks.
     reached: i64,
+    /// The frames that must be read, where they are known, and the times of the first and the last that were.
+    expected: Option<FrameSpan>,
+    delivered: Option<(i64, i64)>,
 }
 
 /// The part of the clip that is wanted, in ticks of the stream.
@@ -63,15 +66,47 @@ impl VideoReader {
     /// # Errors
     /// Everything that can be wrong with an input; see [`MediaError`].
     pub fn open(input: &Input, options: &ReadOptions) -> Result<Self, MediaError> {
+        Self::open_frames(input, options, None, true)
+    }
+
+    /// Opens the clip at some of its frames, which are the only ones that are read: from the last key frame before the first of them,
+    /// where the container can go there and its times are exact, else from the start of the clip.
+    ///
+    /// # Errors
+    /// As of [`Self::open`]; [`MediaError::Input`] where no frame has the time of the first. Reading ends with the same error where
+    /// their number or the time of the last is another, and where they had to be deinterlaced, which depends on the frame before.
+    pub fn open_span(input: &Input, options: &ReadOptions, span: &FrameSpan) -> Result<Self, MediaError> {
+        let begins = |reader: &Self| reader.ready.front().is_some_and(|frame| frame.pts.0 == span.start);
+        match Self::open_frames(input, options, Some(span), true) {
+            Ok(reader) if begins(&reader) => return Ok(reader),
+            Err(stopped @ MediaError::Interrupted(_)) => return Err(stopped),
+            // Not every index is right, and not every frame after a key frame can be decoded without those before.
+            _ => {}
+        }
+        let reader = Self::open_frames(input, options, Some(span), false)?;
+        if begins(&reader) { Ok(reader) } else { Err(reader.differs_from(span)) }
+    }
+
+    fn open_frames(
+        input: &Input,
+        options: &ReadOptions,
+        expected: Option<&FrameSpan>,
+        seeks: bool,
+    ) -> Result<Self, MediaError> {
         let name = input.name().to_owned();
         let demuxer = input.demux()?;
         let Some(stream) = input.video_of(&demuxer)? else {
             return Err(MediaError::NoVideo { found: kinds(&demuxer), path: name });
         };
-        let span = Span::of(input, &demuxer, stream);
+        let span = match expected {
+            Some(frames) => Span { start: frames.start, end: frames.end.unwrap_or(i64::MAX) },
+            None => Span::of(input, &demuxer, stream),
+        };
         let cut = input.is_cut(&demuxer);
         let mut core = Core::new(demuxer, stream, options.threads, &name)?;
-        core.seek(span.start);
+        if seeks {
+            core.seek(span.start);
+        }
         let mut report = ReadReport::default();
         let Some(first) = core.next_within(span, &mut report)? else {
             return Err(nothing_decoded(input, &core));
@@ -80,7 +115,10 @@ impl VideoReader {
             return Err(MediaError::cut_short(&name, "the file is cut short: its container is longer than its bytes"));
         }
         let unpacker = Unpacker::new(&first, &name)?;
-        let info = describe_video(input, &core, &first, &unpacker);
+        let mut info = describe_video(input, &core, &first, &unpacker);
+        if let Some(frames) = expected {
+            info.frames_estimate = Some(frames.frames.len() as u64);
+        }
         let clock = Clock::new(info.mean_ticks());
         let deinterlacer = Deinterlacer::new(options.deinterlace);
         let ready = VecDeque::new();
@@ -101,6 +139,8 @@ impl VideoReader {
             strict: options.strict,
             cut,
             reached: i64::MIN,
+            expected: expected.cloned(),
+            delivered: None,
         };
         this.accept(first)?;
         Ok(this)
@@ -124,6 +164,11 @@ impl VideoReader {
             }
         }
         let frame = self.ready.pop_front();
+        match (&frame, &self.expected) {
+            (Some(frame), _) => self.delivered = Some((self.delivered.map_or(frame.pts.0, |(first, _)| first), frame.pts.0)),
+            (None, Some(span)) => self.check_span(span)?,
+            (None, None) => {}
+        }
         self.report.frames += u64::from(frame.is_some());
         self.report.corrupt += u64::from(frame.as_ref().is_some_and(|f| f.corrupt));
         Ok(frame)
@@ -132,6 +177,27 @@ impl VideoReader {
     /// What has become of the clip so far; complete after the last frame.
     pub fn report(&self) -> ReadReport {
         self.report
+    }
+
+    /// Refuses frames other than those expected.
+    fn check_span(&self, span: &FrameSpan) -> Result<(), MediaError> {
+        let (first, last) = self.delivered.unwrap_or((i64::MIN, i64::MIN));
+        if self.report.deinterlaced > 0 {
+            let problem = "has interlaced frames, which cannot be read from the middle; work on the clip as a whole";
+            return Err(MediaError::input(&self.name, problem.to_owned()));
+        }
+        if span.is_of(self.report.frames, first, last) { Ok(()) } else { Err(self.differs_from(span)) }
+    }
+
+    fn differs_from(&self, span: &FrameSpan) -> MediaError {
+        let found = match self.delivered {
+            Some((first, last)) => format!("{} frames from {first} to {last}", self.report.frames),
+            None => self.ready.front().map_or("none".to_owned(), |frame| format!("one at {}", frame.pts.0)),
+        };
+        let (frames, start, last) = (&span.frames, span.start, span.last);
+        let expected = format!("frames {} to {} from {start} to {last} ticks", frames.start, frames.end.saturating_sub(1));
+        let help = "its packets have other times than its frames: work on the clip as a whole";
+        MediaError::input(&self.name, format!("expected {expected}, found {found}; {help}"))
     }
 
     fn end(&mut self) -> Result<(), MediaError> {
