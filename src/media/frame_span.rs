@@ -69,7 +69,9 @@ pub fn frame_times(input: &Input) -> Result<Vec<Timestamp>, MediaError> {
             }
             Ok(false) => break,
             Err(AvError::EXIT) => return Err(plumbline_num::run::Stopped::Interrupted.into()),
-            Err(e) => return Err(refused(format!("reading failed after {} packets: {}", times.len(), error::reason(e)))),
+            Err(e) => {
+                return Err(refused(format!("reading failed after {} packets: {}", times.len(), error::reason(e))));
+            }
         }
     }
     times.sort_unstable();

@@ -103,7 +103,8 @@ impl PartReader {
         let mut line = Vec::new();
         let read = file.by_ref().take(MAX_HEADER).read_until(b'\n', &mut line);
         read.map_err(|e| refused(format!("the encoded part cannot be read: {e}")))?;
-        let header: PartHeader = serde_json::from_slice(&line).map_err(|e| refused(format!("no encoded part ({e})")))?;
+        let header: PartHeader =
+            serde_json::from_slice(&line).map_err(|e| refused(format!("no encoded part ({e})")))?;
         if header.format != FORMAT || header.version != VERSION {
             return Err(refused(format!("no encoded part of version {VERSION}; render it again")));
         }
@@ -181,7 +182,12 @@ impl Seam {
     /// An encoder that begins anew states for its first packets times before the frames of its part, with the distances of the frames
     /// behind them: where those are not evenly spaced, they would not increase across the seam. In a clip encoded at once the packet at
     /// position `i` is decoded when frame `i − delay` is shown, and so it is here.
-    pub(super) fn add(&mut self, part: &PartReader, records: &[PacketRecord], span: &FrameSpan) -> Result<Vec<i64>, MediaError> {
+    pub(super) fn add(
+        &mut self,
+        part: &PartReader,
+        records: &[PacketRecord],
+        span: &FrameSpan,
+    ) -> Result<Vec<i64>, MediaError> {
         let mut times: Vec<i64> = records.iter().map(|r| r.pts).collect();
         times.sort_unstable();
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
@@ -190,10 +196,14 @@ impl Seam {
         if !span.is_of(times.len() as u64, first, last) || !times.is_sorted_by(|a, b| a < b) {
             let expected = format!("{} frames from {} to {} ticks", span.frames.len(), span.start, span.last);
             let found = format!("{} from {first} to {last}", times.len());
-            return Err(part.refused(format!("the encoded part does not fit its seams: expected {expected}, found {found}")));
+            return Err(
+                part.refused(format!("the encoded part does not fit its seams: expected {expected}, found {found}"))
+            );
         }
         if let Some(before) = self.times.last().filter(|before| **before >= first) {
-            return Err(part.refused(format!("the encoded part begins at {first} ticks, and the one before ends at {before}")));
+            return Err(
+                part.refused(format!("the encoded part begins at {first} ticks, and the one before ends at {before}"))
+            );
         }
         if !records[0].is_key {
             return Err(part.refused("the encoded part does not begin with a key frame; render it again"));

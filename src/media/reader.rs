@@ -51,6 +51,9 @@ pub struct VideoReader {
     /// The frames that must be read, where they are known, and the times of the first and the last that were.
     expected: Option<FrameSpan>,
     delivered: Option<(i64, i64)>,
+    /// Reading began at a key frame before the expected frames.
+    from_middle: bool,
+    options: ReadOptions,
 }
 
 /// The part of the clip that is wanted, in ticks of the stream.
@@ -141,6 +144,8 @@ impl VideoReader {
             reached: i64::MIN,
             expected: expected.cloned(),
             delivered: None,
+            from_middle: expected.is_some() && seeks,
+            options: *options,
         };
         this.accept(first)?;
         Ok(this)
@@ -157,15 +162,16 @@ impl VideoReader {
     /// [`MediaError::Input`] where the format changes, or a frame is interlaced and deinterlacing is refused;
     /// [`MediaError::NoMemory`].
     pub fn next_frame(&mut self) -> Result<Option<Frame>, MediaError> {
-        while self.ready.is_empty() && !self.ended {
-            match self.core.next_within(self.span, &mut self.report)? {
-                Some(picture) => self.accept(picture)?,
-                None => self.end()?,
-            }
+        self.prepare()?;
+        if self.from_middle && self.is_doubtful() {
+            self.read_from_start()?;
+            self.prepare()?;
         }
         let frame = self.ready.pop_front();
         match (&frame, &self.expected) {
-            (Some(frame), _) => self.delivered = Some((self.delivered.map_or(frame.pts.0, |(first, _)| first), frame.pts.0)),
+            (Some(frame), _) => {
+                self.delivered = Some((self.delivered.map_or(frame.pts.0, |(first, _)| first), frame.pts.0))
+            }
             (None, Some(span)) => self.check_span(span)?,
             (None, None) => {}
         }
@@ -177,6 +183,39 @@ impl VideoReader {
     /// What has become of the clip so far; complete after the last frame.
     pub fn report(&self) -> ReadReport {
         self.report
+    }
+
+    /// Decodes until a frame is ready, or the end is reached.
+    fn prepare(&mut self) -> Result<(), MediaError> {
+        while self.ready.is_empty() && !self.ended {
+            match self.core.next_within(self.span, &mut self.report)? {
+                Some(picture) => self.accept(picture)?,
+                None => self.end()?,
+            }
+        }
+        Ok(())
+    }
+
+    /// The next frame has damage, or is missing, which may be for want of the frames before the key frame: open groups of pictures at the
+    /// end of a clip lose their last frames.
+    fn is_doubtful(&self) -> bool {
+        let missing = || self.expected.as_ref().is_some_and(|span| self.check_span(span).is_err());
+        self.ready.front().map_or_else(missing, |frame| frame.corrupt)
+    }
+
+    /// Goes on with the next frame, read from the start of the clip.
+    fn read_from_start(&mut self) -> Result<(), MediaError> {
+        let Some(span) = self.expected.clone() else { return Ok(()) };
+        let next = self.delivered.map_or(span.start, |(_, last)| last.saturating_add(1));
+        let rest = FrameSpan { start: next, ..span.clone() };
+        let again = Self::open_frames(&self.source, &self.options, Some(&rest), false);
+        let mut again =
+            again.map_err(|e| if matches!(e, MediaError::Interrupted(_)) { e } else { self.differs_from(&span) })?;
+        again.report.frames += self.report.frames;
+        again.info = self.info.clone();
+        (again.expected, again.delivered) = (Some(span), self.delivered);
+        *self = again;
+        Ok(())
     }
 
     /// Refuses frames other than those expected.
@@ -195,7 +234,8 @@ impl VideoReader {
             None => self.ready.front().map_or("none".to_owned(), |frame| format!("one at {}", frame.pts.0)),
         };
         let (frames, start, last) = (&span.frames, span.start, span.last);
-        let expected = format!("frames {} to {} from {start} to {last} ticks", frames.start, frames.end.saturating_sub(1));
+        let expected =
+            format!("frames {} to {} from {start} to {last} ticks", frames.start, frames.end.saturating_sub(1));
         let help = "its packets have other times than its frames: work on the clip as a whole";
         MediaError::input(&self.name, format!("expected {expected}, found {found}; {help}"))
     }

@@ -141,7 +141,8 @@ fn report_end(whole: &Task, id: &str, text: &str) {
 fn check_outputs(task: &Task, below: &[PathBuf]) -> Result<(), Failure> {
     let Some(output) = task.output_outside(below) else { return Ok(()) };
     let folders: Vec<String> = below.iter().map(|folder| format!("`{}`", folder.display())).collect();
-    let outside = format!("task `{}` writes `{}`, which is not below {}", task.id, shown(&output), folders.join(" or "));
+    let outside =
+        format!("task `{}` writes `{}`, which is not below {}", task.id, shown(&output), folders.join(" or "));
     Err(Failure::new(Exit::Output, outside + "; allow a folder with --write-below"))
 }
 

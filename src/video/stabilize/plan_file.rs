@@ -81,8 +81,10 @@ impl PlanFile {
     /// # Errors
     /// [`StabilizeError::Input`] for numbers that are not finite, which JSON does not have.
     pub fn new(path: &VirtualPath, models: &FrameModels) -> Result<Self, StabilizeError> {
-        let segment = |s: &Segment| SegmentEntry { frames: s.frames.clone(), outcome: s.outcome, reason: s.reason.clone() };
-        let model = |s: &SegmentVerdict| ModelEntry { frames: s.frames.clone(), model: s.model, reason: s.reason.clone() };
+        let segment =
+            |s: &Segment| SegmentEntry { frames: s.frames.clone(), outcome: s.outcome, reason: s.reason.clone() };
+        let model =
+            |s: &SegmentVerdict| ModelEntry { frames: s.frames.clone(), model: s.model, reason: s.reason.clone() };
         let file = Self {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -227,10 +229,13 @@ mod tests {
         let (path, models) = plan();
         let text = PlanFile::new(&path, &models).expect("finite").to_json().expect("plain data");
         let options = WarpOptions { mode: crate::stabilize::ModelChoice::Mesh, ..WarpOptions::default() };
-        let (path_read, models_read) = PlanFile::from_json(&text).expect("its own").into_plan(None, &options).expect("whole");
+        let (path_read, models_read) =
+            PlanFile::from_json(&text).expect("its own").into_plan(None, &options).expect("whole");
         assert_eq!(format!("{path_read:?}"), format!("{path:?}"));
         assert_eq!(format!("{models_read:?}"), format!("{models:?}"));
-        let entries = |path: &VirtualPath| path.out_from_src.iter().map(row_major).flatten().map(f64::to_bits).collect::<Vec<_>>();
+        let entries = |path: &VirtualPath| {
+            path.out_from_src.iter().map(row_major).flatten().map(f64::to_bits).collect::<Vec<_>>()
+        };
         assert_eq!(entries(&path_read), entries(&path));
     }
 

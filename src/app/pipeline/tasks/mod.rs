@@ -297,7 +297,8 @@ impl Task {
             let path = resolved(&to_path(output));
             !below.iter().any(|folder| path.starts_with(folder))
         };
-        let made = self.instance().map(|instance| [instance.outputs(), instance.folders()].concat()).unwrap_or_default();
+        let made =
+            self.instance().map(|instance| [instance.outputs(), instance.folders()].concat()).unwrap_or_default();
         let made = made.iter().map(|path| to_text(path));
         self.outputs.iter().cloned().chain(made).find(is_outside)
     }

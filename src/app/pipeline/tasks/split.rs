@@ -137,7 +137,8 @@ impl Stabilization {
         let render = only(|s| s.get::<RenderSettings>().is_some(), "samples pixels")?;
         let encode = only(|s| s.get::<EncodeSettings>().is_some(), "writes a clip")?;
         let export = stages.iter().position(|s| s.settings.get::<MotionExportSettings>().is_some());
-        let known: Vec<usize> = [decode, track, motion, smooth, warp, render, encode].into_iter().chain(export).collect();
+        let known: Vec<usize> =
+            [decode, track, motion, smooth, warp, render, encode].into_iter().chain(export).collect();
         if let Some(other) = (0..stages.len()).find(|at| !known.contains(at)) {
             return Err(format!("stage `{}` needs the whole clip", stages[other].name));
         }
@@ -163,7 +164,10 @@ impl Stabilization {
             (edge(self.encode, "side_by_side").is_some(), "the original is shown beside it"),
             (encode.path.contains('%') || encode.path == "-", "the result is no file"),
             (edge(self.encode, "audio").is_some_and(|e| e.from != self.decode), "its sound is of another clip"),
-            (matches!(encode.encoder, EncoderChoice::Auto | EncoderChoice::Hardware), "each machine may have another encoder"),
+            (
+                matches!(encode.encoder, EncoderChoice::Auto | EncoderChoice::Hardware),
+                "each machine may have another encoder",
+            ),
             (
                 export.is_some_and(|e| e.path.is_none() || e.colmap.is_some() || e.gltf.is_some() || e.csv.is_some()),
                 "its motion is written in other formats than the motion file",

@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use super::{PartName, made_before};
 use crate::pipeline::paths::unescaped;
+use crate::stages::WarpSettings;
 use crate::stages::context::changed;
 use crate::stages::prelude::*;
 use crate::stages::video_track::{TrackSettings, clip_info, focal_px_of, hand_on_to_all};
-use crate::stages::WarpSettings;
 use plumbline_video::motion::{ClipMotion, MotionFileError};
 use plumbline_video::path::VirtualPath;
 use plumbline_video::stabilize::{
