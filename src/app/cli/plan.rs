@@ -1,6 +1,7 @@
 //! `plumbline plan`: the passes of a pipeline and what each holds in memory; its tasks, for engines.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
@@ -155,7 +156,8 @@ pub(super) fn split_clips(
     session: &Session<'_>,
 ) -> Result<(), Failure> {
     for note in plan.split(root, seconds, session.runner)? {
-        tracing::warn!("{note}");
+        // Where standard error is closed, nobody reads it.
+        let _ = writeln!(std::io::stderr().lock(), "note: {note}");
     }
     Ok(())
 }

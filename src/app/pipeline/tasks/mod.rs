@@ -1,4 +1,5 @@
-//! A pipeline as tasks that any engine can run: one per item, each the work of one call of `plumbline task run`.
+//! A pipeline as tasks that any engine can run: one per item, or several for a long clip ([`TaskPlan::split`]), each the work of one call
+//! of `plumbline task run`.
 //!
 //! The plan states for each task all that an engine needs: what it reads and writes, what it waits for, what it takes, and how often
 //! to try. Its paths are relative to a root, so that another machine may have the folder elsewhere; files outside stay absolute. It
