@@ -234,7 +234,7 @@ mod tests {
         assert_eq!(format!("{path_read:?}"), format!("{path:?}"));
         assert_eq!(format!("{models_read:?}"), format!("{models:?}"));
         let entries = |path: &VirtualPath| {
-            path.out_from_src.iter().map(row_major).flatten().map(f64::to_bits).collect::<Vec<_>>()
+            path.out_from_src.iter().flat_map(row_major).map(f64::to_bits).collect::<Vec<_>>()
         };
         assert_eq!(entries(&path_read), entries(&path));
     }
