@@ -92,6 +92,11 @@ fn short_clips_and_other_work_stay_one_task() {
     };
     assert_eq!(plan(&[], "3").0, 1);
     assert_eq!(plan(&[], "1").0, 1 + 1 + 4 + 1);
+    // What is in the place of the result is refused before any part is made.
+    std::fs::write(folder.join("out.mp4"), "another").expect("written");
+    let task = run_task(folder, &ids(folder)[0]);
+    assert!(task.status.code() == Some(73) && err(&task).contains("not made by a run"), "{}", err(&task));
+    assert!(!folder.join(".plumbline/parts").exists());
     let (tasks, note) = plan(&["--border", "fill"], "1");
     assert!(tasks == 1 && note.contains("borders are filled from neighboring frames"), "{note}");
     let (tasks, note) = plan(&["--start", "1"], "1");

@@ -15,7 +15,7 @@ use crate::pipeline::items::RECORDS_FOLDER;
 use crate::pipeline::options::{Existing, ProgressMode, RunSettings};
 use crate::pipeline::paths::{shown, to_path};
 use crate::pipeline::progress::for_mode;
-use crate::pipeline::records::{Records, Standing};
+use crate::pipeline::records::{Records, Standing, refusal};
 use crate::pipeline::tasks::{Task, TaskPlan};
 use crate::pipeline::{Exit, RunError, StageRunner};
 use crate::stages::parts::PartJoiner;
@@ -86,7 +86,7 @@ impl TaskRunArgs {
         check_inputs(task)?;
         let whole = task.part_of.as_deref().and_then(|id| plan.task(id));
         if let Some(whole) = whole
-            && is_done(whole)
+            && is_done(whole)?
         {
             report_end(whole, &task.id, &format!("up to date: so is `{}`\n", whole.id));
             return Ok(Exit::Done);
@@ -123,9 +123,15 @@ impl TaskRunArgs {
     }
 }
 
-/// The results of a task are there, made from what they would be made from now.
-fn is_done(task: &Task) -> bool {
-    task.instance().is_ok_and(|instance| Records::default().standing(&instance) == Standing::UpToDate)
+/// The results of a task that this one does a part of are there, made from what they would be made from now. Others in their place are
+/// refused at once, and not only when all parts are done.
+fn is_done(whole: &Task) -> Result<bool, Failure> {
+    let instance = whole.instance().map_err(Failure::usage)?;
+    let standing = Records::default().standing(&instance);
+    match refusal(&standing, &instance) {
+        Some(message) => Err(Failure::new(Exit::Output, message)),
+        None => Ok(standing == Standing::UpToDate),
+    }
 }
 
 /// Reports how task `id` ended, on standard error and in the log beside the results of `whole`, which it is or does a part of.

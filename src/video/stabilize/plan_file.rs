@@ -233,9 +233,8 @@ mod tests {
             PlanFile::from_json(&text).expect("its own").into_plan(None, &options).expect("whole");
         assert_eq!(format!("{path_read:?}"), format!("{path:?}"));
         assert_eq!(format!("{models_read:?}"), format!("{models:?}"));
-        let entries = |path: &VirtualPath| {
-            path.out_from_src.iter().flat_map(row_major).map(f64::to_bits).collect::<Vec<_>>()
-        };
+        let entries =
+            |path: &VirtualPath| path.out_from_src.iter().flat_map(row_major).map(f64::to_bits).collect::<Vec<_>>();
         assert_eq!(entries(&path_read), entries(&path));
     }
 
