@@ -7,6 +7,8 @@
 //! Damaged packets do not end a clip. What the decoder conceals is marked [`Frame::corrupt`]; a picture that is lost
 //! altogether is replaced by the one after it under its own time, so that the number of frames stays.
 
+mod span;
+
 use std::collections::VecDeque;
 
 use super::av::{AvError, AvFrame, DOLBY_VISION, Decoder, Demuxer, Packet, Rational, StreamRef};
@@ -70,24 +72,6 @@ impl VideoReader {
     /// Everything that can be wrong with an input; see [`MediaError`].
     pub fn open(input: &Input, options: &ReadOptions) -> Result<Self, MediaError> {
         Self::open_frames(input, options, None, true)
-    }
-
-    /// Opens the clip at some of its frames, which are the only ones that are read: from the last key frame before the first of them,
-    /// where the container can go there and its times are exact, else from the start of the clip.
-    ///
-    /// # Errors
-    /// As of [`Self::open`]; [`MediaError::Input`] where no frame has the time of the first. Reading ends with the same error where
-    /// their number or the time of the last is another, and where they had to be deinterlaced, which depends on the frame before.
-    pub fn open_span(input: &Input, options: &ReadOptions, span: &FrameSpan) -> Result<Self, MediaError> {
-        let begins = |reader: &Self| reader.ready.front().is_some_and(|frame| frame.pts.0 == span.start);
-        match Self::open_frames(input, options, Some(span), true) {
-            Ok(reader) if begins(&reader) => return Ok(reader),
-            Err(stopped @ MediaError::Interrupted(_)) => return Err(stopped),
-            // Not every index is right, and not every frame after a key frame can be decoded without those before.
-            _ => {}
-        }
-        let reader = Self::open_frames(input, options, Some(span), false)?;
-        if begins(&reader) { Ok(reader) } else { Err(reader.differs_from(span)) }
     }
 
     fn open_frames(
@@ -194,50 +178,6 @@ impl VideoReader {
             }
         }
         Ok(())
-    }
-
-    /// The next frame has damage, or is missing, which may be for want of the frames before the key frame: open groups of pictures at the
-    /// end of a clip lose their last frames.
-    fn is_doubtful(&self) -> bool {
-        let missing = || self.expected.as_ref().is_some_and(|span| self.check_span(span).is_err());
-        self.ready.front().map_or_else(missing, |frame| frame.corrupt)
-    }
-
-    /// Goes on with the next frame, read from the start of the clip.
-    fn read_from_start(&mut self) -> Result<(), MediaError> {
-        let Some(span) = self.expected.clone() else { return Ok(()) };
-        let next = self.delivered.map_or(span.start, |(_, last)| last.saturating_add(1));
-        let rest = FrameSpan { start: next, ..span.clone() };
-        let again = Self::open_frames(&self.source, &self.options, Some(&rest), false);
-        let mut again =
-            again.map_err(|e| if matches!(e, MediaError::Interrupted(_)) { e } else { self.differs_from(&span) })?;
-        again.report.frames += self.report.frames;
-        again.info = self.info.clone();
-        (again.expected, again.delivered) = (Some(span), self.delivered);
-        *self = again;
-        Ok(())
-    }
-
-    /// Refuses frames other than those expected.
-    fn check_span(&self, span: &FrameSpan) -> Result<(), MediaError> {
-        let (first, last) = self.delivered.unwrap_or((i64::MIN, i64::MIN));
-        if self.report.deinterlaced > 0 {
-            let problem = "has interlaced frames, which cannot be read from the middle; work on the clip as a whole";
-            return Err(MediaError::input(&self.name, problem.to_owned()));
-        }
-        if span.is_of(self.report.frames, first, last) { Ok(()) } else { Err(self.differs_from(span)) }
-    }
-
-    fn differs_from(&self, span: &FrameSpan) -> MediaError {
-        let found = match self.delivered {
-            Some((first, last)) => format!("{} frames from {first} to {last}", self.report.frames),
-            None => self.ready.front().map_or("none".to_owned(), |frame| format!("one at {}", frame.pts.0)),
-        };
-        let (frames, start, last) = (&span.frames, span.start, span.last);
-        let expected =
-            format!("frames {} to {} from {start} to {last} ticks", frames.start, frames.end.saturating_sub(1));
-        let help = "its packets have other times than its frames: work on the clip as a whole";
-        MediaError::input(&self.name, format!("expected {expected}, found {found}; {help}"))
     }
 
     fn end(&mut self) -> Result<(), MediaError> {
@@ -549,25 +489,6 @@ fn span_seconds(input: &Input, demuxer: &Demuxer, stream: usize) -> Option<f64> 
         (Some(whole), end) => Some((end.unwrap_or(whole).min(whole) - start).max(0.0)),
         (None, Some(end)) => Some(end - start),
         (None, None) => None,
-    }
-}
-
-impl std::fmt::Display for ReadReport {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} frames", self.frames)?;
-        for (n, what) in [
-            (self.corrupt, "damaged"),
-            (self.concealed, "repeated for lost ones"),
-            (self.bad_packets, "bad packets"),
-            (self.lost, "lost at the end"),
-            (self.retimed, "with a new time"),
-            (self.deinterlaced, "deinterlaced"),
-        ] {
-            if n > 0 {
-                write!(f, ", {n} {what}")?;
-            }
-        }
-        self.shortfall().map_or(Ok(()), |text| write!(f, ", {text}"))
     }
 }
 
