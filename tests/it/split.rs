@@ -101,6 +101,8 @@ fn short_clips_and_other_work_stay_one_task() {
     assert!(tasks == 1 && note.contains("borders are filled from neighboring frames"), "{note}");
     let (tasks, note) = plan(&["--start", "1"], "1");
     assert!(tasks == 1 && note.contains("only a span of it is read"), "{note}");
+    let alone = plumbline_in(folder, &["run", "job.toml", "--split", "60"]);
+    assert!(alone.status.code() == Some(2) && err(&alone).contains("--engine dask"), "{}", err(&alone));
     let wrong = plumbline_in(folder, &["plan", "job.toml", "--json", "--split", "0"]);
     assert!(wrong.status.code() == Some(2) && err(&wrong).contains("1 second or more"), "{}", err(&wrong));
 }

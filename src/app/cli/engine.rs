@@ -62,6 +62,9 @@ impl EngineArgs {
     /// Runs a pipeline by the engine that is asked for; `None`: by this program.
     pub(super) fn run(&self, pipeline: &Pipeline, session: &Session<'_>) -> Result<Option<Exit>, Failure> {
         match self.engine {
+            Engine::Builtin if self.split.is_some() => Err(Failure::usage(
+                "--split makes tasks for other machines: choose them by --engine dask or hq, or leave it out",
+            )),
             Engine::Builtin => Ok(None),
             Engine::Dask => self.dask(pipeline, session).map(Some),
             Engine::Hq => self.hq(pipeline, session).map(Some),
