@@ -54,7 +54,7 @@ fn a_clip_in_parts_is_the_clip_at_once() {
     }
     let early = run_task(parts, &stem);
     assert!(early.status.code() == Some(75), "{:?} {}", early.status, err(&early));
-    assert!(!parts.join("out/clip.mkv").exists());
+    assert!(!parts.join("out/clip.mkv").exists() && !parts.join("motion.json").exists());
     let again = run_task(parts, &expected[4]);
     assert!(err(&again).contains("up to date"), "{}", err(&again));
     for id in &ids[5..] {

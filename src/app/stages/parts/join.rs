@@ -13,6 +13,7 @@ use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::Summary;
 use crate::stages::clip::encoding;
+use crate::stages::clip::sink::Sink;
 use crate::stages::context::Context;
 use crate::stages::{BuiltinStages, DecodeSettings, EncodeSettings, MotionExportSettings, claim_targets};
 use plumbline_media::FrameSpan;
@@ -51,8 +52,10 @@ impl StageRunner for PartJoiner<'_> {
         }
         values.claims = claim_targets(job)?;
         let mut context = Context { job, pass, values, summary, at: 0 };
+        let sinks = self.join(&mut context)?;
+        // Nothing gets its name before all parts are there and fit.
         self.export_motion(&mut context)?;
-        self.join(&mut context)
+        encoding::finish(&mut context, sinks)
     }
 }
 
@@ -68,8 +71,8 @@ impl PartJoiner<'_> {
         Ok(())
     }
 
-    /// Joins the chunks.
-    fn join(&self, context: &mut Context<'_, '_>) -> Result<(), RunError> {
+    /// Joins the chunks to a file that has no name yet.
+    fn join(&self, context: &mut Context<'_, '_>) -> Result<Vec<Sink>, RunError> {
         let stages = &context.job.graph().stages;
         let no_stage = || RunError::Internal("the clip has no stage to join its parts for".to_owned());
         let source = stages.iter().position(|s| s.settings.get::<DecodeSettings>().is_some()).ok_or_else(no_stage)?;
@@ -89,6 +92,6 @@ impl PartJoiner<'_> {
             done += span.frames.len() as u64;
             context.job.progress.frames(done);
         }
-        encoding::finish(context, sinks)
+        Ok(sinks)
     }
 }
