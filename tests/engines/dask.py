@@ -49,7 +49,7 @@ def digests(folder):
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "out").glob("*.png"))}
 
 
-CLIP = pathlib.Path(__file__).resolve().parents[2] / "media/street-walk.mp4"
+CLIP = pathlib.Path(__file__).resolve().parents[2] / "media/rolling-passer.mp4"
 
 
 def folder_with_clip(program, base, name):
