@@ -75,3 +75,22 @@ impl ReadReport {
         })
     }
 }
+
+impl std::fmt::Display for ReadReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} frames", self.frames)?;
+        for (n, what) in [
+            (self.corrupt, "damaged"),
+            (self.concealed, "repeated for lost ones"),
+            (self.bad_packets, "bad packets"),
+            (self.lost, "lost at the end"),
+            (self.retimed, "with a new time"),
+            (self.deinterlaced, "deinterlaced"),
+        ] {
+            if n > 0 {
+                write!(f, ", {n} {what}")?;
+            }
+        }
+        self.shortfall().map_or(Ok(()), |text| write!(f, ", {text}"))
+    }
+}

@@ -7,6 +7,8 @@
 //! Damaged packets do not end a clip. What the decoder conceals is marked [`Frame::corrupt`]; a picture that is lost
 //! altogether is replaced by the one after it under its own time, so that the number of frames stays.
 
+mod span;
+
 use std::collections::VecDeque;
 
 use super::av::{AvError, AvFrame, DOLBY_VISION, Decoder, Demuxer, Packet, Rational, StreamRef};
@@ -17,7 +19,7 @@ use super::info::{FieldOrder, HdrBytes, Ratio, VideoInfo, orientation};
 use super::losses::Losses;
 use super::probe::kinds;
 use super::unpack::{Unpacker, extra};
-use super::{Input, MediaError, ReadOptions, ReadReport};
+use super::{FrameSpan, Input, MediaError, ReadOptions, ReadReport};
 use plumbline_image::{Frame, FrameBuffer};
 use plumbline_num::run::Stopped;
 use plumbline_num::time::{Timebase, Timestamp};
@@ -48,6 +50,12 @@ pub struct VideoReader {
     cut: bool,
     /// Where the last frame ends, ticks.
     reached: i64,
+    /// The frames that must be read, where they are known, and the times of the first and the last that were.
+    expected: Option<FrameSpan>,
+    delivered: Option<(i64, i64)>,
+    /// Reading began at a key frame before the expected frames.
+    from_middle: bool,
+    options: ReadOptions,
 }
 
 /// The part of the clip that is wanted, in ticks of the stream.
@@ -63,15 +71,29 @@ impl VideoReader {
     /// # Errors
     /// Everything that can be wrong with an input; see [`MediaError`].
     pub fn open(input: &Input, options: &ReadOptions) -> Result<Self, MediaError> {
+        Self::open_frames(input, options, None, true)
+    }
+
+    fn open_frames(
+        input: &Input,
+        options: &ReadOptions,
+        expected: Option<&FrameSpan>,
+        seeks: bool,
+    ) -> Result<Self, MediaError> {
         let name = input.name().to_owned();
         let demuxer = input.demux()?;
         let Some(stream) = input.video_of(&demuxer)? else {
             return Err(MediaError::NoVideo { found: kinds(&demuxer), path: name });
         };
-        let span = Span::of(input, &demuxer, stream);
+        let span = match expected {
+            Some(frames) => Span { start: frames.start, end: frames.end.unwrap_or(i64::MAX) },
+            None => Span::of(input, &demuxer, stream),
+        };
         let cut = input.is_cut(&demuxer);
         let mut core = Core::new(demuxer, stream, options.threads, &name)?;
-        core.seek(span.start);
+        if seeks {
+            core.seek(span.start);
+        }
         let mut report = ReadReport::default();
         let Some(first) = core.next_within(span, &mut report)? else {
             return Err(nothing_decoded(input, &core));
@@ -80,7 +102,10 @@ impl VideoReader {
             return Err(MediaError::cut_short(&name, "the file is cut short: its container is longer than its bytes"));
         }
         let unpacker = Unpacker::new(&first, &name)?;
-        let info = describe_video(input, &core, &first, &unpacker);
+        let mut info = describe_video(input, &core, &first, &unpacker);
+        if let Some(frames) = expected {
+            info.frames_estimate = Some(frames.frames.len() as u64);
+        }
         let clock = Clock::new(info.mean_ticks());
         let deinterlacer = Deinterlacer::new(options.deinterlace);
         let ready = VecDeque::new();
@@ -101,6 +126,10 @@ impl VideoReader {
             strict: options.strict,
             cut,
             reached: i64::MIN,
+            expected: expected.cloned(),
+            delivered: None,
+            from_middle: expected.is_some() && seeks,
+            options: *options,
         };
         this.accept(first)?;
         Ok(this)
@@ -117,13 +146,19 @@ impl VideoReader {
     /// [`MediaError::Input`] where the format changes, or a frame is interlaced and deinterlacing is refused;
     /// [`MediaError::NoMemory`].
     pub fn next_frame(&mut self) -> Result<Option<Frame>, MediaError> {
-        while self.ready.is_empty() && !self.ended {
-            match self.core.next_within(self.span, &mut self.report)? {
-                Some(picture) => self.accept(picture)?,
-                None => self.end()?,
-            }
+        self.prepare()?;
+        if self.from_middle && self.is_doubtful() {
+            self.read_from_start()?;
+            self.prepare()?;
         }
         let frame = self.ready.pop_front();
+        match (&frame, &self.expected) {
+            (Some(frame), _) => {
+                self.delivered = Some((self.delivered.map_or(frame.pts.0, |(first, _)| first), frame.pts.0))
+            }
+            (None, Some(span)) => self.check_span(span)?,
+            (None, None) => {}
+        }
         self.report.frames += u64::from(frame.is_some());
         self.report.corrupt += u64::from(frame.as_ref().is_some_and(|f| f.corrupt));
         Ok(frame)
@@ -132,6 +167,17 @@ impl VideoReader {
     /// What has become of the clip so far; complete after the last frame.
     pub fn report(&self) -> ReadReport {
         self.report
+    }
+
+    /// Decodes until a frame is ready, or the end is reached.
+    fn prepare(&mut self) -> Result<(), MediaError> {
+        while self.ready.is_empty() && !self.ended {
+            match self.core.next_within(self.span, &mut self.report)? {
+                Some(picture) => self.accept(picture)?,
+                None => self.end()?,
+            }
+        }
+        Ok(())
     }
 
     fn end(&mut self) -> Result<(), MediaError> {
@@ -443,25 +489,6 @@ fn span_seconds(input: &Input, demuxer: &Demuxer, stream: usize) -> Option<f64> 
         (Some(whole), end) => Some((end.unwrap_or(whole).min(whole) - start).max(0.0)),
         (None, Some(end)) => Some(end - start),
         (None, None) => None,
-    }
-}
-
-impl std::fmt::Display for ReadReport {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} frames", self.frames)?;
-        for (n, what) in [
-            (self.corrupt, "damaged"),
-            (self.concealed, "repeated for lost ones"),
-            (self.bad_packets, "bad packets"),
-            (self.lost, "lost at the end"),
-            (self.retimed, "with a new time"),
-            (self.deinterlaced, "deinterlaced"),
-        ] {
-            if n > 0 {
-                write!(f, ", {n} {what}")?;
-            }
-        }
-        self.shortfall().map_or(Ok(()), |text| write!(f, ", {text}"))
     }
 }
 

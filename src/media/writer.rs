@@ -5,6 +5,9 @@
 //! frames straight from a reader. Packets of the other streams are fetched by the [`Copier`] as the video advances.
 
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
 
 use super::av::{Demuxer, Dictionary, Encoder, Muxer, OutputFormat, Packet, Rational};
 use super::copier::Copier;
@@ -13,10 +16,11 @@ use super::encoder_settings::settings;
 use super::error::reason;
 use super::info::{VideoInfo, describe};
 use super::output::Partial;
+use super::part::{PartHeader, PartReader, Seam, write_end, write_packet};
 use super::surface::Surface;
-use super::{Input, MediaError, Output, PassthroughStreams, WriteOptions, WriteReport, av};
+use super::{FrameSpan, Input, MediaError, Output, PassthroughStreams, WriteOptions, WriteReport, av};
 use plumbline_image::Frame;
-use plumbline_num::files::IfExists;
+use plumbline_num::files::{AtomicFile, IfExists};
 
 /// A file being written.
 pub struct VideoWriter {
@@ -32,6 +36,10 @@ pub struct VideoWriter {
     durations: HashMap<i64, i64>,
     shift: i64,
     packet: Packet,
+    /// The part file that the packets go to instead of a container.
+    part: Option<BufWriter<File>>,
+    /// Parts that were appended.
+    seam: Seam,
     report: WriteReport,
 }
 
@@ -93,8 +101,83 @@ impl VideoWriter {
             durations: HashMap::new(),
             shift,
             packet: Packet::new(),
+            part: None,
+            seam: Seam::default(),
             report,
         })
+    }
+
+    /// Starts a part of `output`: the encoded pictures of some successive frames, of which the first is a key frame, in the file `part`.
+    /// [`Self::append`] joins parts to the output. `options` are those of the output.
+    ///
+    /// # Errors
+    /// As of [`Self::create`].
+    pub fn create_part(
+        part: &Path,
+        output: &Output,
+        video: &VideoInfo,
+        options: &WriteOptions,
+    ) -> Result<Self, MediaError> {
+        let format = output.format()?;
+        let mut warnings = Warnings { strict: options.strict, list: Vec::new() };
+        let (choice, encoder, surface) = open_encoder(output, format, video, options, &mut warnings)?;
+        let failed = |e: std::io::Error| MediaError::writing_io(part, &e);
+        let if_exists = IfExists::overwrite(options.overwrite);
+        let mut unfinished = AtomicFile::next_to(part, if_exists).map_err(failed)?;
+        let file = unfinished.file().ok_or_else(|| failed(std::io::ErrorKind::Unsupported.into()))?;
+        let mut out = BufWriter::new(file.try_clone().map_err(failed)?);
+        let encoder_name = choice.encoder.name();
+        PartHeader::of(&encoder_name, &encoder, video.av_timebase()).write(&mut out).map_err(failed)?;
+        let report = WriteReport {
+            encoder: encoder_name,
+            pixel_format: choice.pix.name(),
+            container: format.name(),
+            warnings: warnings.list,
+            ..WriteReport::default()
+        };
+        Ok(Self {
+            encoder,
+            muxer: None,
+            copier: None,
+            partial: Some(Partial::File { partial: unfinished, target: part.to_owned(), if_exists }),
+            output: output.clone(),
+            surface,
+            info: video.clone(),
+            video_stream: 0,
+            durations: HashMap::new(),
+            shift: 0,
+            packet: Packet::new(),
+            part: Some(out),
+            seam: Seam::default(),
+            report,
+        })
+    }
+
+    /// Appends the encoded pictures of a part file, which must be those of the frames `span`, in place of frames to encode; parts come in
+    /// their order. Nothing of a part is written before its frames are counted and their times compared.
+    ///
+    /// # Errors
+    /// [`MediaError::Input`]: a part that is damaged, has other frames, begins with no key frame, or was encoded with other settings or
+    /// another version of the encoder. [`MediaError::DiskFull`], [`MediaError::Output`].
+    pub fn append(&mut self, part: &Path, span: &FrameSpan) -> Result<(), MediaError> {
+        let mut part = PartReader::open(part)?;
+        if part.header != PartHeader::of(&self.report.encoder, &self.encoder, self.info.av_timebase()) {
+            let problem = "the encoded part was made with other settings or another encoder; render it again";
+            return Err(part.refused(problem));
+        }
+        let records = part.records()?;
+        let decoded_at = self.seam.add(&part, &records, span)?;
+        let mut packet = Packet::new();
+        for (k, (record, dts)) in records.iter().zip(decoded_at).enumerate() {
+            if !part.next(k, &mut packet)? {
+                return Err(part.refused("the encoded part changed while it was read"));
+            }
+            let moved = |time: i64| Some(time.saturating_add(self.shift));
+            packet.set_times(moved(record.pts), moved(dts));
+            self.mux(&mut packet)?;
+            self.report.frames += 1;
+        }
+        Ok(())
     }
 
     /// A writable frame of the source's format from the writer's pool; the samples are unspecified.
@@ -155,6 +238,10 @@ impl VideoWriter {
         if let Some(muxer) = self.muxer.take() {
             muxer.finish().map_err(fail)?;
         }
+        if let Some(mut part) = self.part.take() {
+            let ended = write_end(&mut part, self.report.frames).and_then(|()| part.flush());
+            ended.map_err(|e| MediaError::writing_io(self.output.path(), &e))?;
+        }
         if let Some(partial) = self.partial.take() {
             partial.publish()?;
         }
@@ -169,21 +256,32 @@ impl VideoWriter {
     /// Writes what the encoder has ready, and the other streams' packets that belong before it.
     fn drain(&mut self) -> Result<(), MediaError> {
         while self.encoder.receive(&mut self.packet).map_err(|e| self.encoding(e))? {
-            let base = self.info.av_timebase();
             let pts = self.packet.pts().unwrap_or_default();
             let known = self.durations.remove(&pts).unwrap_or_else(|| self.info.mean_ticks());
             self.packet.set_duration(known);
-            let until = self.packet.dts().map(|t| base.rescale(t, Rational::MICRO));
-            let fail = |e| MediaError::writing(self.output.path(), e);
-            let Some(muxer) = &mut self.muxer else { return Ok(()) };
-            if let Some(copier) = &mut self.copier {
-                copier.pump(muxer, Some(until.unwrap_or(i64::MIN))).map_err(fail)?;
+            if let Some(part) = &mut self.part {
+                write_packet(part, &self.packet).map_err(|e| MediaError::writing_io(self.output.path(), &e))?;
+                continue;
             }
-            self.packet.rescale(base, muxer.time_base(self.video_stream));
-            self.packet.set_stream(self.video_stream);
-            muxer.write(&mut self.packet).map_err(fail)?;
+            let mut packet = std::mem::replace(&mut self.packet, Packet::new());
+            self.mux(&mut packet)?;
+            self.packet = packet;
         }
         Ok(())
+    }
+
+    /// Writes a packet to the container, and the other streams' packets that belong before it.
+    fn mux(&mut self, packet: &mut Packet) -> Result<(), MediaError> {
+        let base = self.info.av_timebase();
+        let until = packet.dts().map(|t| base.rescale(t, Rational::MICRO));
+        let fail = |e| MediaError::writing(self.output.path(), e);
+        let Some(muxer) = &mut self.muxer else { return Ok(()) };
+        if let Some(copier) = &mut self.copier {
+            copier.pump(muxer, Some(until.unwrap_or(i64::MIN))).map_err(fail)?;
+        }
+        packet.rescale(base, muxer.time_base(self.video_stream));
+        packet.set_stream(self.video_stream);
+        muxer.write(packet).map_err(fail)
     }
 }
 

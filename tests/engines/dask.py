@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """A plan of forty tasks on a Dask cluster of this machine: nothing happens; a worker is killed; a worker is stopped; the scheduler
-starts anew. Each time every result is the same as that of the program alone.
+starts anew. Each time every result is the same as that of the program alone. Then a clip in parts, whose tasks wait for others, with
+a worker that is killed: the motion file is that of the clip at once, the clip that of its tasks one after the other.
 
     tests/engines/dask.py PROGRAM
 """
@@ -46,6 +47,44 @@ def folder_with_plan(program, base, name):
 
 def digests(folder):
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "out").glob("*.png"))}
+
+
+CLIP = pathlib.Path(__file__).resolve().parents[2] / "media/rolling-passer.mp4"
+
+
+def folder_with_clip(program, base, name):
+    folder = base / name
+    (folder / "out").mkdir(parents=True)
+    (folder / "clip.mp4").write_bytes(CLIP.read_bytes())
+    command = [program, "stabilize", "clip.mp4", "-o", "out/clip.mp4", "--preset", "veryfast", "--export-motion", "out/motion.json"]
+    job = subprocess.run([*command, "--print-pipeline"], cwd=folder, check=True, capture_output=True, text=True)
+    (folder / "job.toml").write_text(job.stdout.replace("cameras = true", "cameras = false"))
+    subprocess.run([program, "plan", "job.toml", "--json", "--split", "2", "-o", "plan.json"], cwd=folder, check=True)
+    return folder
+
+
+def clip_in_parts(program, base):
+    """Whether a clip in parts is the same on a cluster that loses a worker."""
+    def digest(folder, name):
+        return hashlib.sha256((folder / "out" / name).read_bytes()).hexdigest()
+
+    start = time.monotonic()
+    whole, alone, folder = (folder_with_clip(program, base, f"clip-{name}") for name in ("whole", "alone", "dask"))
+    quiet = {"check": True, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    subprocess.run([program, "run", "job.toml", "--no-cache", "-q"], cwd=whole, **quiet)
+    tasks = [task["id"] for task in json.loads((alone / "plan.json").read_text())["tasks"]]
+    for task in tasks:
+        subprocess.run([program, "task", "run", "--plan", "plan.json", "--task", task], cwd=alone, **quiet)
+    with Cluster() as cluster:
+        status, events = driven(program, folder, cluster, lambda: cluster.workers[1].kill())
+    ended = [e["done"] for e in events if e["ev"] == "run.end"]
+    same = status == 0 and digest(folder, "motion.json") == digest(whole, "motion.json")
+    same = same and digest(folder, "clip.mp4") == digest(alone, "clip.mp4")
+    left = (folder / "out/.plumbline/parts").exists()
+    good = same and ended == [len(tasks)] and len(tasks) > 5 and not left
+    print(f"{'ok  ' if good else 'FAIL'} a clip in {len(tasks)} tasks, a worker is killed: exit {status}, "
+          f"{'the same' if same else 'OTHERS'}, {time.monotonic() - start:.1f} s", flush=True)
+    return good
 
 
 class Cluster:
@@ -133,6 +172,7 @@ def main():
             given = sum(e["ev"] == "task.start" for e in events)
             print(f"{'ok  ' if good else 'FAIL'} {name}: exit {status}, {len(digests(folder))} results, "
                   f"{'the same' if same else 'OTHERS'}, {given} given out, {time.monotonic() - start:.1f} s", flush=True)
+        faults += not clip_in_parts(program, base)
         # A scheduler that is not there, or that anyone may use.
         for address, expected in (("tcp://127.0.0.1:1", 75), ("tcp://192.0.2.1:8786", 2), ("head:8786", 2)):
             command = [sys.executable, "-m", "plumbline_dask", "plan.json", "--root", ".", "--scheduler", address]

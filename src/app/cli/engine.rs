@@ -41,6 +41,9 @@ pub(super) struct EngineArgs {
     /// Address of the Dask scheduler: tls://HOST:PORT, or tcp:// on this machine
     #[arg(long, value_name = "ADDRESS", help_heading = "Other machines")]
     scheduler: Option<String>,
+    /// Split each stabilized clip that is longer into tasks of about this length, seconds
+    #[arg(long, value_name = "SECONDS", value_parser = super::plan::seconds_of_split, help_heading = "Other machines")]
+    split: Option<f64>,
     /// Permit tcp:// beyond this machine: anyone in the network could run programs on the cluster
     #[arg(long, help_heading = "Other machines")]
     insecure_scheduler: bool,
@@ -59,6 +62,9 @@ impl EngineArgs {
     /// Runs a pipeline by the engine that is asked for; `None`: by this program.
     pub(super) fn run(&self, pipeline: &Pipeline, session: &Session<'_>) -> Result<Option<Exit>, Failure> {
         match self.engine {
+            Engine::Builtin if self.split.is_some() => Err(Failure::usage(
+                "--split makes tasks for other machines: choose them by --engine dask or hq, or leave it out",
+            )),
             Engine::Builtin => Ok(None),
             Engine::Dask => self.dask(pipeline, session).map(Some),
             Engine::Hq => self.hq(pipeline, session).map(Some),
@@ -83,7 +89,10 @@ impl EngineArgs {
     /// Writes the plan below the root, where all machines see it; its path from there.
     fn write_plan(&self, pipeline: &Pipeline, session: &Session<'_>) -> Result<(TaskPlan, PathBuf), Failure> {
         let instances = pipeline.instances()?;
-        let plan = TaskPlan::of(pipeline, &instances, &self.root(), session.runner)?;
+        let mut plan = TaskPlan::of(pipeline, &instances, &self.root(), session.runner)?;
+        if let Some(seconds) = self.split {
+            super::plan::split_clips(&mut plan, &self.root(), seconds, session)?;
+        }
         let text = plan.to_text()?;
         let folder = PathBuf::from(RECORDS_FOLDER).join("plans");
         let name = folder.join(format!("{}.json", &blake3::hash(text.as_bytes()).to_hex()[..16]));

@@ -1,7 +1,8 @@
 //! `plumbline plan`: the passes of a pipeline and what each holds in memory; its tasks, for engines.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
@@ -25,7 +26,7 @@ pub(super) struct PlanArgs {
     command: Option<PlanCommand>,
     #[command(flatten)]
     pipeline: Option<PipelineArgs>,
-    /// Print the tasks as JSON, for engines: one per item
+    /// Print the tasks as JSON, for engines: one per item, or several with --split
     #[arg(long)]
     json: bool,
     /// The folder that the paths of the tasks start from, which all machines have; the working directory if left out
@@ -35,6 +36,9 @@ pub(super) struct PlanArgs {
     /// that the cache knows
     #[arg(long, requires = "json")]
     digests: bool,
+    /// Split each stabilized clip that is longer into tasks of about this length, seconds, and read the packets of each for that
+    #[arg(long, value_name = "SECONDS", requires = "json", value_parser = seconds_of_split)]
+    split: Option<f64>,
     /// Write the tasks to a file instead
     #[arg(short, long, value_name = "FILE.json", requires = "json")]
     output: Option<PathBuf>,
@@ -63,7 +67,7 @@ impl PlanArgs {
     pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
         match (self.command, self.pipeline) {
             (Some(PlanCommand::Export(args)), _) => args.run(),
-            (None, Some(args)) if self.json => args.tasks(self.root, self.output, self.digests, session),
+            (None, Some(args)) if self.json => args.tasks(self.root, self.output, self.digests, self.split, session),
             (None, Some(args)) => args.passes(session),
             (None, None) => Err(Failure::usage("give a pipeline file, or the name of a shipped one")),
         }
@@ -77,6 +81,7 @@ impl PipelineArgs {
         root: Option<PathBuf>,
         output: Option<PathBuf>,
         digests: bool,
+        split: Option<f64>,
         session: &Session<'_>,
     ) -> Result<Exit, Failure> {
         let pipeline = self.read()?;
@@ -89,6 +94,9 @@ impl PipelineArgs {
             plan.state_contents(&root, |path| {
                 cache.as_ref().map_or_else(|| digest_of_file(path), |cache| cache.digest_of(path))
             })?;
+        }
+        if let Some(seconds) = split {
+            split_clips(&mut plan, &root, seconds, session)?;
         }
         let text = plan.to_text()?;
         match output {
@@ -129,6 +137,29 @@ impl PipelineArgs {
         print(&text);
         Ok(Exit::Done)
     }
+}
+
+/// Shortest part of a clip, s: of less, the first key frames and the files between tasks would take more than the frames.
+const MIN_SPLIT_S: f64 = 1.0;
+
+/// The length of the parts of a clip.
+pub(super) fn seconds_of_split(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| s.is_finite() && *s >= MIN_SPLIT_S);
+    seconds.ok_or_else(|| format!("expected {MIN_SPLIT_S} second or more"))
+}
+
+/// Splits long clips, and reports those that stay one task.
+pub(super) fn split_clips(
+    plan: &mut TaskPlan,
+    root: &Path,
+    seconds: f64,
+    session: &Session<'_>,
+) -> Result<(), Failure> {
+    for note in plan.split(root, seconds, session.runner)? {
+        // Where standard error is closed, nobody reads it.
+        let _ = writeln!(std::io::stderr().lock(), "note: {note}");
+    }
+    Ok(())
 }
 
 impl PlanExportArgs {

@@ -15,8 +15,10 @@ use crate::pipeline::items::RECORDS_FOLDER;
 use crate::pipeline::options::{Existing, ProgressMode, RunSettings};
 use crate::pipeline::paths::{shown, to_path};
 use crate::pipeline::progress::for_mode;
+use crate::pipeline::records::{Records, Standing, refusal};
 use crate::pipeline::tasks::{Task, TaskPlan};
-use crate::pipeline::{Exit, RunError};
+use crate::pipeline::{Exit, RunError, StageRunner};
+use crate::stages::parts::PartJoiner;
 
 #[derive(Debug, Args)]
 pub(super) struct TaskArgs {
@@ -82,6 +84,13 @@ impl TaskRunArgs {
         std::env::set_current_dir(&root).map_err(absent)?;
         check_outputs(task, &below)?;
         check_inputs(task)?;
+        let whole = task.part_of.as_deref().and_then(|id| plan.task(id));
+        if let Some(whole) = whole
+            && is_done(whole)?
+        {
+            report_end(whole, &task.id, &format!("up to date: so is `{}`\n", whole.id));
+            return Ok(Exit::Done);
+        }
         let options = task.options();
         let run = RunSettings {
             threads: self.threads.unwrap_or_else(|| u32::try_from(options.threads).unwrap_or(u32::MAX)),
@@ -91,19 +100,46 @@ impl TaskRunArgs {
             ..RunSettings::default()
         };
         let progress = for_mode(session.progress(self.progress), std::io::stderr().is_terminal());
-        let backend = Backend { stages: session.runner, workers: None };
+        let folder = task.parts_folder();
+        let joiner = task.parts().map(|parts| PartJoiner { folder: &folder, parts });
+        let stages: &dyn StageRunner = match &joiner {
+            Some(joiner) => joiner,
+            None => session.runner,
+        };
+        let backend = Backend { stages, workers: None };
         let started = Instant::now();
         let report = execute_alone(&run, instance, backend, progress.as_ref(), &session.interrupt.cancel);
         let exit = report.exit();
         let stopped = session.interrupt.cancel.load(Ordering::Relaxed) && exit != Exit::Done;
         let exit = if stopped { session.interrupt.exit() } else { exit };
         let text = log_text(&report, exit, started.elapsed().as_secs_f64());
-        // Standard error is kept by most engines; where it is closed, the log beside the result is left.
-        let _ = std::io::stderr().lock().write_all(text.as_bytes());
-        if let Err(error) = write_log(task, &text) {
-            tracing::warn!("no log beside the results: {error}");
+        report_end(whole.unwrap_or(task), &task.id, &text);
+        if matches!(exit, Exit::Done | Exit::Partial)
+            && let Err(error) = task.remove_parts()
+        {
+            tracing::warn!("`{folder}` is left: {error}");
         }
         Ok(exit)
+    }
+}
+
+/// The results of a task that this one does a part of are there, made from what they would be made from now. Others in their place are
+/// refused at once, and not only when all parts are done.
+fn is_done(whole: &Task) -> Result<bool, Failure> {
+    let instance = whole.instance().map_err(Failure::usage)?;
+    let standing = Records::default().standing(&instance);
+    match refusal(&standing, &instance) {
+        Some(message) => Err(Failure::new(Exit::Output, message)),
+        None => Ok(standing == Standing::UpToDate),
+    }
+}
+
+/// Reports how task `id` ended, on standard error and in the log beside the results of `whole`, which it is or does a part of.
+fn report_end(whole: &Task, id: &str, text: &str) {
+    // Standard error is kept by most engines; where it is closed, the log beside the result is left.
+    let _ = std::io::stderr().lock().write_all(text.as_bytes());
+    if let Err(error) = write_log(whole, id, text) {
+        tracing::warn!("no log beside the results: {error}");
     }
 }
 
@@ -111,7 +147,8 @@ impl TaskRunArgs {
 fn check_outputs(task: &Task, below: &[PathBuf]) -> Result<(), Failure> {
     let Some(output) = task.output_outside(below) else { return Ok(()) };
     let folders: Vec<String> = below.iter().map(|folder| format!("`{}`", folder.display())).collect();
-    let outside = format!("task `{}` writes `{}`, which is not below {}", task.id, shown(output), folders.join(" or "));
+    let outside =
+        format!("task `{}` writes `{}`, which is not below {}", task.id, shown(&output), folders.join(" or "));
     Err(Failure::new(Exit::Output, outside + "; allow a folder with --write-below"))
 }
 
@@ -144,13 +181,13 @@ fn log_text(report: &Report, exit: Exit, seconds: f64) -> String {
     text
 }
 
-/// Adds to the log of a task, in the folder of records beside its first result.
-fn write_log(task: &Task, text: &str) -> std::io::Result<()> {
-    let Some(first) = task.outputs.first() else { return Ok(()) };
+/// Adds to the log of task `id`, in the folder of records beside the first result of `whole`.
+fn write_log(whole: &Task, id: &str, text: &str) -> std::io::Result<()> {
+    let Some(first) = whole.outputs.first() else { return Ok(()) };
     let path = to_path(first);
     let folder = path.parent().unwrap_or(Path::new("")).join(RECORDS_FOLDER).join("logs");
     std::fs::create_dir_all(&folder)?;
-    let mut file = std::fs::File::options().create(true).append(true).open(folder.join(format!("{}.log", task.id)))?;
+    let mut file = std::fs::File::options().create(true).append(true).open(folder.join(format!("{id}.log")))?;
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |time| time.as_secs());
     // Linux alone has it in a file.
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();

@@ -17,8 +17,10 @@ use super::plan::Pass;
 use super::progress::TaskProgress;
 use super::run_error::RunError;
 use super::summary::Summary;
+use crate::stages::DecodeSettings;
 use plumbline_num::files::{AtomicFile, IfExists};
 use plumbline_num::run::{Interrupt, Run};
+use plumbline_num::time::Timestamp;
 use plumbline_shape::mesh::ReadLimits;
 
 /// One instance at work.
@@ -167,6 +169,22 @@ pub trait StageRunner: Sync {
     /// # Errors
     /// [`RunError::Input`] where it cannot be read.
     fn probe(&self, input: &Path, playlists: bool) -> Result<Probed, RunError>;
+
+    /// Length of a clip, s, where its container states it.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] where it cannot be read.
+    fn clip_seconds(&self, _input: &Path) -> Result<Option<f64>, RunError> {
+        Ok(None)
+    }
+
+    /// Times of the frames of a clip that is decoded with these settings, ticks.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] where it cannot be read.
+    fn frame_times(&self, input: &Path, _settings: &DecodeSettings) -> Result<Vec<Timestamp>, RunError> {
+        Err(RunError::Internal(format!("the frames of {} are unknown", input.display())))
+    }
 
     /// Refuses a job that must fail at its end, before any work is done.
     ///

@@ -701,7 +701,7 @@ fn stage_differences(was: &BTreeMap<String, StageRecord>, is: &BTreeMap<String, 
 }
 
 /// Why an item is refused, in words; `None` where it may be made.
-pub(super) fn refusal(standing: &Standing, instance: &Instance) -> Option<String> {
+pub(crate) fn refusal(standing: &Standing, instance: &Instance) -> Option<String> {
     let help = "allow to replace it with --overwrite (`run.existing = \"overwrite\"`)";
     match standing {
         Standing::Missing | Standing::UpToDate | Standing::Unfinished => None,

@@ -37,6 +37,7 @@ mod mesh_save;
 mod morphing;
 mod npz;
 mod numpy;
+pub(crate) mod parts;
 pub(crate) mod photo;
 mod photo_rectangle;
 mod photo_rectify;
@@ -126,6 +127,7 @@ use context::Context;
 use files::cannot;
 use plumbline_num::files::{AtomicFile, folder_of, free_space};
 use plumbline_num::limits::Shortage;
+use plumbline_num::time::Timestamp;
 
 /// Every stage kind, in the order of the data flow.
 pub static KINDS: [StageKind; 42] = [
@@ -178,12 +180,25 @@ pub fn find(name: &str) -> Option<&'static StageKind> {
     KINDS.iter().find(|k| k.name == name || k.aliases.contains(&name))
 }
 
+/// The kind called `name` in a task, which may be one of the parts of a clip.
+pub(crate) fn find_in_task(name: &str) -> Option<&'static StageKind> {
+    find(name).or_else(|| parts::PART_KINDS.iter().find(|kind| kind.name == name))
+}
+
 /// The stages that this program has.
 pub struct BuiltinStages;
 
 impl StageRunner for BuiltinStages {
     fn probe(&self, input: &Path, playlists: bool) -> Result<Probed, RunError> {
         probe::probe(input, playlists)
+    }
+
+    fn clip_seconds(&self, input: &Path) -> Result<Option<f64>, RunError> {
+        probe::seconds(input)
+    }
+
+    fn frame_times(&self, input: &Path, settings: &DecodeSettings) -> Result<Vec<Timestamp>, RunError> {
+        probe::frame_times(input, settings)
     }
 
     fn preflight(&self, instance: &Instance) -> Result<(), RunError> {
@@ -269,7 +284,7 @@ fn enough_space(foreseen: u64, free: u64, folder: &Path) -> Result<(), RunError>
 }
 
 /// Begins the files of a job, so that no other run writes them meanwhile: it is refused before it works.
-fn claim_targets(job: &Job<'_>) -> Result<Vec<AtomicFile>, RunError> {
+pub(crate) fn claim_targets(job: &Job<'_>) -> Result<Vec<AtomicFile>, RunError> {
     let paths = job.instance.outputs().into_iter().filter(|path| path.as_os_str() != "-");
     paths.map(|path| AtomicFile::next_to(&path, job.if_exists()).map_err(|e| cannot(&path, &e))).collect()
 }

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use super::context::open_input;
+use super::video_decode::DecodeSettings;
 use crate::pipeline::job::Probed;
 use crate::pipeline::memory::ClipShape;
 use crate::pipeline::run_error::RunError;
 use plumbline_media::{Input, MediaInfo, ReadOptions, StreamKind, VideoReader};
 use plumbline_num::run::Interrupt;
+use plumbline_num::time::Timestamp;
 
 /// Looks into `input`.
 pub(crate) fn probe(input: &Path, playlists: bool) -> Result<Probed, RunError> {
@@ -20,6 +22,17 @@ pub(crate) fn probe(input: &Path, playlists: bool) -> Result<Probed, RunError> {
     let shape = info.video.is_some().then(|| shape(&input, &info)).transpose()?;
     let json = serde_json::to_value(&info).map_err(|e| RunError::Internal(format!("probe: {e}")))?;
     Ok(Probed { text: info.to_string(), json, shape })
+}
+
+/// Length of a clip, s, where its container states it.
+pub(crate) fn seconds(input: &Path) -> Result<Option<f64>, RunError> {
+    Ok(plumbline_media::probe(&Input::parse(input)?)?.duration_s)
+}
+
+/// Times of the frames of a clip, by its packets.
+pub(crate) fn frame_times(input: &Path, settings: &DecodeSettings) -> Result<Vec<Timestamp>, RunError> {
+    let input = Input::parse(input)?.with_stream(settings.stream.map(|n| n as usize));
+    Ok(plumbline_media::frame_times(&input)?)
 }
 
 /// What memory depends on, from the decoder itself.

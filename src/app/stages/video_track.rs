@@ -72,13 +72,7 @@ impl Stage for TrackSettings {
             let recording = cached.and_then(|cached| cached.begin((info.width, info.height), context));
             analyzed(context, reader, tracker, recording, estimators)?
         };
-        let motions: Vec<usize> =
-            context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
-        for stage in motions {
-            let settings = context.stage(stage).settings.get::<MotionSettings>().copied().unwrap_or_default();
-            let focal_px = (settings.cameras && lens.is_none()).then(|| focal_px_of(&input)).flatten();
-            hand_on_motion(context, stage, motion.clone(), &tracks, &settings, focal_px)?;
-        }
+        hand_on_to_all(context, stage, motion, &tracks, || focal_px_of(&input).filter(|_| lens.is_none()))?;
         context.values.put(stage, "tracks", tracks);
         Ok(HandedOn)
     }
@@ -153,6 +147,24 @@ pub(super) fn hand_on_motion(
     }
     context.summary.readout_s = motion.readout_s.filter(|_| bends);
     context.values.put(stage, "motion", motion);
+    Ok(())
+}
+
+/// Gives the motion of the tracks of stage `stage` to all that take it; `focal_px`: the focal length, where it is known.
+pub(super) fn hand_on_to_all(
+    context: &mut Context<'_, '_>,
+    stage: usize,
+    motion: ClipMotion,
+    tracks: &Tracks,
+    focal_px: impl Fn() -> Option<f64>,
+) -> Result<(), RunError> {
+    let motions: Vec<usize> =
+        context.pass.stages.iter().copied().filter(|&s| takes_points_of(context, s, stage)).collect();
+    for stage in motions {
+        let settings = context.stage(stage).settings.get::<MotionSettings>().copied().unwrap_or_default();
+        let focal_px = settings.cameras.then(&focal_px).flatten();
+        hand_on_motion(context, stage, motion.clone(), tracks, &settings, focal_px)?;
+    }
     Ok(())
 }
 

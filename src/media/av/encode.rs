@@ -146,6 +146,17 @@ impl Encoder {
         }
     }
 
+    /// What decoders need besides the packets; empty where the packets have it.
+    pub(crate) fn header(&self) -> &[u8] {
+        // SAFETY: an open context.
+        let (data, size) = unsafe { ((*self.ctx.as_ptr()).extradata, (*self.ctx.as_ptr()).extradata_size) };
+        if data.is_null() || size <= 0 {
+            return &[];
+        }
+        // SAFETY: an open encoder keeps its header, of that many bytes, until it is closed.
+        unsafe { std::slice::from_raw_parts(data, size as usize) }
+    }
+
     pub(super) fn as_ptr(&self) -> *const ffi::AVCodecContext {
         self.ctx.as_ptr()
     }

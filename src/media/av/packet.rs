@@ -70,6 +70,21 @@ impl Packet {
         Ok(())
     }
 
+    /// The encoded bytes.
+    pub(crate) fn data(&self) -> &[u8] {
+        let (data, size) = (self.get().data, self.get().size);
+        if data.is_null() || size <= 0 {
+            return &[];
+        }
+        // SAFETY: a live packet holds `size` readable bytes, which stay as long as it is not changed.
+        unsafe { std::slice::from_raw_parts(data, size as usize) }
+    }
+
+    /// Decoding can begin with it.
+    pub(crate) fn is_key(&self) -> bool {
+        self.get().flags & ffi::AV_PKT_FLAG_KEY != 0
+    }
+
     pub(crate) fn stream(&self) -> usize {
         self.get().stream_index.max(0) as usize
     }

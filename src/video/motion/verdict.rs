@@ -7,7 +7,7 @@ use super::frame_motion::{FrameMotion, MotionQuality, PlanarModel};
 use plumbline_num::math::median;
 
 /// Model of the picture's motion, from the simplest to the most flexible.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MotionModel {
     /// No reliable motion: the frames are not warped.

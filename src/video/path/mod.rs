@@ -192,7 +192,7 @@ impl Default for PathOptions {
 }
 
 /// How a segment was treated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum SegmentOutcome {
     /// The path was smoothed.
     Smoothed,

@@ -45,7 +45,7 @@ impl Default for TrajectoryOptions {
 
 impl TrajectoryOptions {
     /// Half width `w` of the window, s: beyond 2.5 σ the kernel has lost 96 % of its weight.
-    fn half_window_s(&self) -> f64 {
+    pub(crate) fn half_window_s(&self) -> f64 {
         (2.5 * self.sigma_s).max(self.ramp_s)
     }
 }

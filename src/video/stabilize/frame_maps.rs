@@ -5,6 +5,8 @@
 //! of them that a plane can follow, the mesh model warps the frame to them. Where the camera only rotated, no points are needed:
 //! each vertex `v` moves to `D_t(π(R̄_t R_tᵀ π⁻¹(v)))`, with the rotations `R_t` of the real camera and `R̄_t` of the virtual one.
 
+use std::ops::Range;
+
 use super::error::StabilizeError;
 use super::frame_models::FrameModels;
 use super::options::WarpOptions;
@@ -101,23 +103,64 @@ impl<'a> FrameMaps<'a> {
     /// The map of frame `index`, as [`Self::next`] would give it; without its picture, all parts of it have the same
     /// saliency. The frame after it is the next one.
     ///
-    /// A frame out of order costs the reading of the tracks from the start of its segment.
+    /// A frame out of order costs the reading of the tracks of about a second.
     ///
     /// # Errors
     /// As for [`Self::next`].
     pub fn at(&mut self, index: usize, frame: Option<&Frame>) -> Result<WarpField, StabilizeError> {
         if index != self.next {
-            self.seek(index);
+            self.seek(index)?;
         }
         self.next_field(frame)
     }
 
-    /// Makes `index` the next frame: trajectories are smoothed from the start of its segment, before which none of them reaches.
-    fn seek(&mut self, index: usize) {
-        let starts = self.inputs.path.segments.iter().map(|s| s.frames.start);
-        let start = starts.filter(|&start| start <= index).max().unwrap_or(0);
+    /// Makes `index` the next frame: trajectories are smoothed from the first frame on that its map depends on.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Store`].
+    pub fn seek(&mut self, index: usize) -> Result<(), StabilizeError> {
+        let start = self.first_support(index)?;
         self.smoother = TrajectorySmoother::new(self.trajectories);
         (self.pushed, self.popped, self.next) = (start, start, index);
+        Ok(())
+    }
+
+    /// The frames whose points the maps of `frames` depend on.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Store`].
+    pub fn support(&self, frames: Range<usize>) -> Result<Range<usize>, StabilizeError> {
+        let end = self.inputs.tracks.store.frames();
+        let Some(last) = frames.end.checked_sub(1).filter(|last| *last < end) else { return Ok(frames.start..end) };
+        // A frame is settled by the first one that is half a window later; one more, so that rounding decides nothing.
+        let until = self.time_s(last)? + self.trajectories.half_window_s();
+        let mut stop = last + 1;
+        while stop < end && self.time_s(stop)? < until {
+            stop += 1;
+        }
+        Ok(self.first_support(frames.start)?..(stop + 2).min(end))
+    }
+
+    /// The first frame that the map of frame `index` depends on. Trajectories do not reach beyond the start of a segment, and when a
+    /// frame is settled the smoother has forgotten the samples half a window before the frame in front of it; one frame more, so that
+    /// rounding decides nothing.
+    fn first_support(&self, index: usize) -> Result<usize, StabilizeError> {
+        let starts = self.inputs.path.segments.iter().map(|s| s.frames.start);
+        let segment = starts.filter(|&start| start <= index).max().unwrap_or(0);
+        let mut start = index.saturating_sub(1);
+        if start <= segment || start >= self.inputs.tracks.store.frames() {
+            return Ok(segment);
+        }
+        let until = self.time_s(start)? - self.trajectories.half_window_s();
+        while start > segment && self.time_s(start)? > until {
+            start -= 1;
+        }
+        Ok(start.saturating_sub(1).max(segment))
+    }
+
+    fn time_s(&self, frame: usize) -> Result<f64, StabilizeError> {
+        let tracks = self.inputs.tracks;
+        Ok(tracks.timebase.seconds(tracks.store.quality(frame)?.0))
     }
 
     fn next_field(&mut self, frame: Option<&Frame>) -> Result<WarpField, StabilizeError> {

@@ -83,6 +83,7 @@ mod model_selection;
 mod options;
 mod path_file;
 mod path_planning;
+mod plan_file;
 mod rolling_shutter;
 mod shake;
 mod source;
@@ -109,6 +110,7 @@ pub use path_file::PathFile;
 #[cfg(feature = "schema")]
 pub use path_file::path_file_schema;
 pub use path_planning::plan_path;
+pub use plan_file::PlanFile;
 pub use rolling_shutter::RollingShutter;
 pub use shake::{PathDeviations, Shake, ShakeSummary};
 pub use source::{ClipInfo, FrameSource};

@@ -1,6 +1,10 @@
 //! The tracks of a clip, and the map applied to them before anything else is computed from them.
 
-use crate::track::{FrameTracks, TrackStore};
+use std::ops::Range;
+
+use super::error::StabilizeError;
+use crate::motion::ClipMotion;
+use crate::track::{FrameQuality, FrameTracks, TrackStore, WindowTracks};
 use plumbline_num::math::Point2;
 use plumbline_num::time::Timebase;
 
@@ -15,6 +19,42 @@ pub struct Tracks {
     pub height: usize,
     /// Length of one tick of their time stamps.
     pub timebase: Timebase,
+}
+
+impl Tracks {
+    /// The points of the background in `frames`, which are all that maps of frames take, with the index of the first frame as that of the
+    /// window.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Store`].
+    pub fn background(&self, frames: Range<usize>) -> Result<WindowTracks, StabilizeError> {
+        let window = frames.start;
+        let mut frames = self.store.window(frames)?;
+        frames.iter_mut().for_each(|frame| frame.observations.retain(|o| o.background));
+        Ok(WindowTracks { size: (self.width, self.height), window, frames })
+    }
+
+    /// The tracks of the clip of `motion`, of which those of some frames are known: [`Self::background`] read back.
+    ///
+    /// # Errors
+    /// [`StabilizeError::Input`] for points of another clip; [`StabilizeError::Store`].
+    pub fn of_background(known: &WindowTracks, motion: &ClipMotion) -> Result<Self, StabilizeError> {
+        let (width, height) = (motion.width as usize, motion.height as usize);
+        let frames = known.window..known.window.saturating_add(known.frames.len());
+        let times = motion.frames.get(frames.clone()).map(|frames| frames.iter().map(|f| f.pts));
+        if known.size != (width, height) || !times.is_some_and(|times| times.eq(known.frames.iter().map(|f| f.pts))) {
+            return Err(StabilizeError::Input("the tracks of a part are not of this clip; plan it again".to_owned()));
+        }
+        let mut store = TrackStore::new()?;
+        for (index, frame) in motion.frames.iter().enumerate() {
+            let (pts, quality) = (frame.pts, FrameQuality::default());
+            match index.checked_sub(frames.start).and_then(|k| known.frames.get(k)) {
+                Some(known) => store.push(known)?,
+                None => store.push(&FrameTracks { pts, observations: Vec::new(), quality })?,
+            }
+        }
+        Ok(Self { store, width, height, timebase: motion.timebase })
+    }
 }
 
 /// A map of the whole clip that precedes the stabilization, such as the undistortion of the lens.

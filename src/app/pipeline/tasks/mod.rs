@@ -1,4 +1,5 @@
-//! A pipeline as tasks that any engine can run: one per item, each the work of one call of `plumbline task run`.
+//! A pipeline as tasks that any engine can run: one per item, or several for a long clip ([`TaskPlan::split`]), each the work of one call
+//! of `plumbline task run`.
 //!
 //! The plan states for each task all that an engine needs: what it reads and writes, what it waits for, what it takes, and how often
 //! to try. Its paths are relative to a root, so that another machine may have the folder elsewhere; files outside stay absolute. It
@@ -16,6 +17,7 @@
 //! ```
 
 mod export;
+mod split;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -33,6 +35,7 @@ use super::paths::{to_path, to_text};
 use super::records::{Stamp, resolved};
 use super::run_error::{Exit, RunError};
 use super::worker::Order;
+use crate::stages::parts::ClipParts;
 use plumbline_num::document::{Kind, VERSION};
 
 pub use export::{TaskFormat, export};
@@ -79,6 +82,12 @@ pub struct Task {
     pub retries: u32,
     /// Longest time, s.
     pub timeout_s: u64,
+    /// The task of the clip that this one does a part of: where that is done, this one is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part_of: Option<String>,
+    /// What the tasks before made, where this one joins it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    parts: Option<ClipParts>,
     /// The work.
     order: Order,
 }
@@ -162,6 +171,8 @@ impl TaskPlan {
                 resources: Resources { cpus, memory_mb: (PROGRAM_BYTES + memory).div_ceil(1_000_000), gpus: 0 },
                 retries: if batch.retries > 0 { batch.retries } else { RETRIES },
                 timeout_s: if still { TIMEOUTS.1 } else { TIMEOUTS.0 },
+                part_of: None,
+                parts: None,
                 order,
             })
         };
@@ -253,6 +264,10 @@ impl TaskPlan {
                 return Err(format!("two tasks are called `{}`", task.id));
             }
         }
+        let whole = |task: &Task| task.part_of.as_ref().filter(|id| !before.contains(id.as_str())).cloned();
+        if let Some(missing) = self.tasks.iter().find_map(whole) {
+            return Err(format!("a task does a part of `{}`, which is no task", missing.escape_default()));
+        }
         Ok(())
     }
 }
@@ -271,13 +286,22 @@ impl Task {
         &self.order.options
     }
 
-    /// A result that is not below one of these folders, which are without links; to be called at the root.
-    pub fn output_outside(&self, below: &[PathBuf]) -> Option<&str> {
-        let is_outside = |output: &&String| {
+    /// The parts that it joins.
+    pub fn parts(&self) -> Option<&ClipParts> {
+        self.parts.as_ref()
+    }
+
+    /// A result, as the plan states it or as the work has it, that is not below one of these folders, which are without links; to be
+    /// called at the root.
+    pub fn output_outside(&self, below: &[PathBuf]) -> Option<String> {
+        let is_outside = |output: &String| {
             let path = resolved(&to_path(output));
             !below.iter().any(|folder| path.starts_with(folder))
         };
-        self.outputs.iter().find(is_outside).map(String::as_str)
+        let made =
+            self.instance().map(|instance| [instance.outputs(), instance.folders()].concat()).unwrap_or_default();
+        let made = made.iter().map(|path| to_text(path));
+        self.outputs.iter().cloned().chain(made).find(is_outside)
     }
 
     /// An input that is not as it was when the plan was made; to be called at the root.

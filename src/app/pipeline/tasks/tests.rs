@@ -1,5 +1,7 @@
 use super::*;
 use crate::pipeline::{read, shipped};
+use crate::stages::DecodeSettings;
+use plumbline_num::time::Timestamp;
 
 struct NoProbe;
 
@@ -52,7 +54,7 @@ fn paths_start_from_the_root_and_those_outside_are_absolute() {
     let task = &plan.tasks[0];
     assert_eq!((task.inputs[0].path.as_str(), task.outputs.as_slice()), ("in/a.jpg", [out].as_slice()));
     // What is outside is not written unless allowed.
-    assert_eq!(task.output_outside(std::slice::from_ref(&root)), Some(task.outputs[0].as_str()));
+    assert_eq!(task.output_outside(std::slice::from_ref(&root)).as_ref(), Some(&task.outputs[0]));
     assert_eq!(task.output_outside(&[root.parent().expect("no root").to_owned()]), None);
 }
 
@@ -166,4 +168,69 @@ fn exports_call_the_tasks_in_their_order() {
         Some("/share/my plan.json")
     );
     assert!(text(TaskFormat::Dot).contains("\"c\" -> \"d\";"));
+}
+
+/// Every clip has a minute, at 25 frames/s.
+struct Minute;
+
+impl StageRunner for Minute {
+    fn probe(&self, input: &Path, playlists: bool) -> Result<crate::pipeline::Probed, RunError> {
+        NoProbe.probe(input, playlists)
+    }
+
+    fn clip_seconds(&self, _: &Path) -> Result<Option<f64>, RunError> {
+        Ok(Some(60.0))
+    }
+
+    fn frame_times(&self, _: &Path, _: &DecodeSettings) -> Result<Vec<Timestamp>, RunError> {
+        Ok((0..1500).map(|frame| Timestamp(40 * frame)).collect())
+    }
+
+    fn run_pass(
+        &self,
+        job: &crate::pipeline::Job<'_>,
+        pass: &crate::pipeline::Pass,
+        values: &mut crate::pipeline::ArtifactStore,
+        summary: &mut crate::pipeline::Summary,
+    ) -> Result<(), RunError> {
+        NoProbe.run_pass(job, pass, values, summary)
+    }
+}
+
+fn split_plan() -> TaskPlan {
+    let mut plan = plan_of("stabilize", &["batch.foreach=item.mp4"], Path::new("."));
+    assert_eq!(plan.split(Path::new("."), 15.0, &Minute).expect("a clip"), Vec::<String>::new());
+    plan
+}
+
+#[test]
+fn a_long_clip_is_cut_into_whole_windows_and_equal_chunks() {
+    let plan = split_plan();
+    let ids: Vec<&str> = plan.tasks.iter().map(|task| task.id.as_str()).collect();
+    let parts = ["tracks-0", "tracks-1", "tracks-2", "plan", "render-0", "render-1", "render-2", "render-3"];
+    let (whole, named) = ids.split_last().expect("tasks");
+    assert_eq!(named, parts.map(|part| format!("{whole}.{part}")));
+    let whole = plan.task(whole).expect("there");
+    let chunks = &whole.parts.as_ref().expect("parts").chunks;
+    assert_eq!(chunks.iter().map(|c| c.frames.clone()).collect::<Vec<_>>(), [0..375, 375..750, 750..1125, 1125..1500]);
+    assert!(chunks.windows(2).all(|pair| pair[0].end == Some(pair[1].start)) && chunks[3].end.is_none());
+    assert_eq!(whole.after, named[4..]);
+    assert!(
+        plan.tasks[..8]
+            .iter()
+            .all(|task| task.part_of.as_deref() == Some(whole.id.as_str()) && task.instance().is_ok())
+    );
+    let text = plan.to_text().expect("plain data");
+    assert_eq!(TaskPlan::parse(&text), Ok(plan.clone()));
+    assert_eq!(split_plan(), plan, "the same each time");
+}
+
+#[test]
+fn a_plan_names_no_folder_that_is_removed() {
+    let mut plan = split_plan();
+    let mut whole = plan.tasks.pop().expect("tasks");
+    assert!(plan.check().expect_err("no whole").contains("which is no task"));
+    whole.key = "../../../home".to_owned();
+    let folder = whole.parts_folder();
+    assert!(folder.contains(".plumbline/parts/") && !folder.contains(".."), "{folder}");
 }

@@ -70,7 +70,7 @@ impl StageOrder {
     /// The stage behind those of `graph`.
     fn stage(&self, graph: &Graph) -> Result<Stage, String> {
         let unknown = |what: &str| format!("stage `{}`: no {what}", self.name);
-        let kind = stages::find(&self.kind).ok_or_else(|| unknown(&self.kind))?;
+        let kind = stages::find_in_task(&self.kind).ok_or_else(|| unknown(&self.kind))?;
         let settings = (kind.parse)(self.settings.clone()).map_err(|e| format!("stage `{}`: {e}", self.name))?;
         let edge = |(port, from, output): &(String, usize, String)| {
             let source = graph.stages.get(*from).ok_or_else(|| unknown("stage before it"))?;

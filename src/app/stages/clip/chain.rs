@@ -42,6 +42,11 @@ impl<'v> Chain<'v> {
         Ok(chain)
     }
 
+    /// A stabilization alone.
+    pub(crate) fn of_steady(inputs: RenderInputs<'v>) -> Self {
+        Self { lens: None, steady: Some(inputs), shape: None }
+    }
+
     /// Refuses a clip that is not the one analyzed.
     pub(crate) fn check(&self, name: &str, video: &VideoInfo) -> Result<(), RunError> {
         let before = match (self.lens, &self.steady) {
@@ -122,6 +127,12 @@ pub(crate) struct ChainMaps<'v> {
 }
 
 impl ChainMaps<'_> {
+    /// Makes `frame` the next frame.
+    pub(crate) fn seek(&mut self, frame: usize) -> Result<(), RunError> {
+        self.next = frame;
+        Ok(self.steady.as_mut().map_or(Ok(()), |steady| steady.seek(frame))?)
+    }
+
     /// The map of the next frame, sampled for rendering.
     pub(crate) fn next(&mut self, frame: &Frame) -> Result<Lattice, RunError> {
         if let Some(constant) = &self.constant {

@@ -108,7 +108,7 @@ fn other_inputs(
 }
 
 /// Starts the files of the encode stages among `stages`, whose pictures come from the decode stage `source`.
-fn sinks(
+pub(crate) fn sinks(
     context: &Context<'_, '_>,
     stages: &[usize],
     source: usize,
@@ -134,7 +134,7 @@ fn sinks(
 }
 
 /// Gives the files their names and reports them.
-fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunError> {
+pub(crate) fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunError> {
     for sink in sinks {
         context.job.check_cancel()?;
         let (output, size, written) = sink.finish()?;
@@ -145,16 +145,16 @@ fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunErro
 }
 
 /// One stream from a decoder to its sinks.
-struct Stream<'v, 'j> {
-    job: &'v Job<'j>,
-    reader: VideoReader,
-    sampler: Option<Sampler<'v>>,
-    album: Option<&'v mut Album>,
+pub(crate) struct Stream<'v, 'j> {
+    pub(crate) job: &'v Job<'j>,
+    pub(crate) reader: VideoReader,
+    pub(crate) sampler: Option<Sampler<'v>>,
+    pub(crate) album: Option<&'v mut Album>,
 }
 
 impl Stream<'_, '_> {
     /// Runs the threads to their end, and gives back the sinks, whose files are whole but unfinished.
-    fn run(self, sinks: Vec<Sink>) -> Result<(ReadReport, Vec<Sink>), RunError> {
+    pub(crate) fn run(self, sinks: Vec<Sink>) -> Result<(ReadReport, Vec<Sink>), RunError> {
         let Self { job, reader, sampler, album } = self;
         let (to_work, decoded) = channel::bounded(QUEUE);
         std::thread::scope(|scope| {

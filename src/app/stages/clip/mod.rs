@@ -5,6 +5,6 @@ pub(crate) mod encoding;
 mod filling;
 pub(crate) mod sampling;
 mod side_by_side;
-mod sink;
+pub(crate) mod sink;
 pub(crate) mod stream;
 pub(crate) mod summary;

@@ -85,6 +85,19 @@ impl<'v> Sampler<'v> {
         })
     }
 
+    /// For a stream that begins with frame `first` of the clip.
+    pub(crate) fn from_frame(
+        chain: &Chain<'v>,
+        models: Option<&'v FrameModels>,
+        settings: &RenderSettings,
+        video: &VideoInfo,
+        first: usize,
+    ) -> Result<Self, RunError> {
+        let mut sampler = Self::new(chain, models, settings, video)?;
+        sampler.maps.seek(first)?;
+        Ok(sampler)
+    }
+
     /// Hands every frame to `sink` in order: mapped on a thread of its own, rendered here.
     pub(crate) fn run(
         self,

@@ -1,5 +1,7 @@
 //! One file being written: the shape of its pictures, and its encoder on a thread of its own.
 
+use std::path::Path;
+
 use crossbeam::channel::{Receiver, Sender};
 
 use super::sampling::Sampled;
@@ -11,7 +13,7 @@ use crate::pipeline::run_error::RunError;
 use crate::stages::EncodeSettings;
 use plumbline_image::Frame;
 use plumbline_media::{
-    FramePool, Input, Output, PassthroughStreams, VideoInfo, VideoWriter, WriteOptions, WriteReport,
+    FramePool, FrameSpan, Input, Output, PassthroughStreams, VideoInfo, VideoWriter, WriteOptions, WriteReport,
 };
 
 /// A file being written.
@@ -47,6 +49,23 @@ impl Sink {
         let options = WriteOptions { passthrough, ..write_options(settings, job) };
         let writer = VideoWriter::create(&output, source, &video, &options)?;
         Ok(Self { output, size: (video.width, video.height), beside, writer })
+    }
+
+    /// Starts a part of the file that `settings` ask for, in the file `part`.
+    pub(crate) fn of_part(
+        settings: &EncodeSettings,
+        job: &Job<'_>,
+        video: &VideoInfo,
+        part: &Path,
+    ) -> Result<Self, RunError> {
+        let output = Output::parse(to_path(&settings.path));
+        let writer = VideoWriter::create_part(part, &output, video, &write_options(settings, job))?;
+        Ok(Self { output, size: (video.width, video.height), beside: None, writer })
+    }
+
+    /// Appends an encoded part, of the frames `span`.
+    pub(crate) fn append(&mut self, part: &Path, span: &FrameSpan) -> Result<(), RunError> {
+        Ok(self.writer.append(part, span)?)
     }
 
     /// The path to this sink through `queue`.

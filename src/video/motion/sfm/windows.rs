@@ -99,6 +99,11 @@ fn focal_of(segment: &Segment) -> Option<(f64, f64)> {
 /// Appends a segment, merging it with the last one if they share frames and fit.
 fn push(segments: &mut Vec<Segment>, mut next: Segment, unit_px: f64) {
     while let Some(mut last) = segments.pop() {
+        if next.frames.end <= last.frames.start {
+            // Two windows share these frames, and the first one has split them: they are known.
+            segments.push(last);
+            return;
+        }
         let shared = overlap(&last, &next);
         if shared.is_empty() {
             segments.push(last);
@@ -232,6 +237,17 @@ mod tests {
 
     fn without(frames: Range<usize>, verdict: SfmVerdict) -> Segment {
         Segment::unknown(frames, verdict, String::new())
+    }
+
+    #[test]
+    fn a_segment_in_front_of_the_last_one_adds_no_frames() {
+        // A clip of ten minutes failed by it: its cameras were for more frames than it had.
+        let mut segments = Vec::new();
+        for frames in [0..80, 80..100, 60..70, 70..140] {
+            push(&mut segments, without(frames, SfmVerdict::Failed), 1.0);
+        }
+        let frames: Vec<Range<usize>> = segments.iter().map(|s| s.frames.clone()).collect();
+        assert_eq!(frames, [0..80, 80..90, 90..140]);
     }
 
     #[test]

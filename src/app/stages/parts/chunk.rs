@@ -1,0 +1,118 @@
+//! A chunk of a clip: some of its frames, rendered by the plan of the whole and encoded.
+
+use std::io::Read;
+
+use super::{PartName, made_before};
+use crate::stages::clip::chain::Chain;
+use crate::stages::clip::encoding::Stream;
+use crate::stages::clip::sampling::Sampler;
+use crate::stages::clip::sink::Sink;
+use crate::stages::prelude::*;
+use crate::stages::{Border, EncodeSettings, RenderSettings, WarpSettings};
+use plumbline_media::{FrameSpan, Output};
+use plumbline_video::motion::{ClipMotion, MotionFileError};
+use plumbline_video::path::VirtualPath;
+use plumbline_video::stabilize::{FrameModels, PlanFile, RenderInputs, Tracks};
+use plumbline_video::track::{WindowFileError, WindowTracks};
+
+/// Settings of a chunk.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct ChunkSettings {
+    /// The folder of parts
+    pub(crate) folder: String,
+    /// Index of the chunk
+    pub(crate) chunk: usize,
+    /// Its frames
+    pub(crate) span: FrameSpan,
+    /// How frames are warped
+    pub(crate) warp: WarpSettings,
+    /// How they are sampled
+    pub(crate) render: RenderSettings,
+    /// How they are encoded; the path is that of the result
+    pub(crate) encode: EncodeSettings,
+}
+
+impl Stage for ChunkSettings {
+    const KIND: &'static str = "part.chunk";
+    const SUMMARY: &'static str = "renders and encodes a chunk of a clip by the plan of the whole";
+    const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the pictures")];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the encoded pictures")];
+    type Input = Wired;
+    type Output = HandedOn;
+
+    fn memory(&self) -> Vec<MemoryCost> {
+        [self.warp.memory(), self.render.memory(), self.encode.memory()].concat()
+    }
+
+    fn writes(&self) -> Vec<String> {
+        vec![PartName::Chunk(self.chunk).text(&self.folder)]
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        let decode = context.required(stage, "frames")?.from;
+        let (_, reader) = context.open_span(decode, &self.span)?;
+        let plan = ChunkPlan::read(self)?;
+        let inputs = plan.inputs(self);
+        let chain = Chain::of_steady(inputs);
+        let frames = self.span.frames.clone();
+        context.job.progress.begin(context.pass.index, "render", Some(frames.len() as u64));
+        let sampler = Sampler::from_frame(&chain, Some(&plan.models), &self.render, reader.info(), frames.start)?;
+        let path = PartName::Chunk(self.chunk).in_folder(&self.folder);
+        let sink = Sink::of_part(&self.encode, context.job, &chain.shown(reader.info()), &path)?;
+        let stream = Stream { job: context.job, reader, sampler: Some(sampler), album: None };
+        let (read, sinks) = stream.run(vec![sink])?;
+        for sink in sinks {
+            context.job.check_cancel()?;
+            let (_, size, written) = sink.finish()?;
+            context.job.publishing(&path, &path);
+            let part = Output::parse(&path);
+            crate::stages::clip::summary::report_file(context.summary, &part, size, written);
+        }
+        context.report_damage(&read);
+        Ok(HandedOn)
+    }
+
+    fn preflight(&self) -> Result<(), RunError> {
+        Ok(plumbline_media::check_encoder(self.encode.codec, &self.encode.encoder)?)
+    }
+}
+
+/// The plan of a clip, with the tracks of one chunk.
+struct ChunkPlan {
+    motion: ClipMotion,
+    path: VirtualPath,
+    models: FrameModels,
+    tracks: Tracks,
+}
+
+impl ChunkPlan {
+    fn read(settings: &ChunkSettings) -> Result<Self, RunError> {
+        let at = |name: PartName| name.in_folder(&settings.folder);
+        let fault = |e: MotionFileError| RunError::Input(e.to_string());
+        let (motion, _) = ClipMotion::read_json(made_before(&at(PartName::Motion))?).map_err(fault)?;
+        let mut text = String::new();
+        let plan = at(PartName::Plan);
+        let unreadable = |e| RunError::Input(format!("{}: {e}", plan.display()));
+        made_before(&plan)?.take(MAX_PLAN_BYTES).read_to_string(&mut text).map_err(unreadable)?;
+        let (path, models) = PlanFile::from_json(&text)?.into_plan(Some(&motion), &settings.warp)?;
+        let known = at(PartName::Tracks(settings.chunk));
+        let damaged = |e: WindowFileError| RunError::Input(format!("{}: {e}", known.display()));
+        let tracks = WindowTracks::read(made_before(&known)?).map_err(damaged)?;
+        let tracks = Tracks::of_background(&tracks, &motion)?;
+        Ok(Self { motion, path, models, tracks })
+    }
+
+    fn inputs<'a>(&'a self, settings: &'a ChunkSettings) -> RenderInputs<'a> {
+        RenderInputs {
+            tracks: &self.tracks,
+            path: &self.path,
+            motion: Some(&self.motion),
+            warp: &settings.warp,
+            covered: settings.render.border == Border::Crop,
+        }
+    }
+}
+
+/// Longest plan that is read, bytes: of a day at 60 frames/s, 200 bytes per frame, it is a fourth.
+const MAX_PLAN_BYTES: u64 = 4 << 30;
