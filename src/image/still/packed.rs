@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::reduce::{over_white, to_8_bit};
 use super::{ExifOrientation, StillError};
+use crate::simd::multiversion;
 use crate::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
 
 /// Rows per parallel task: a task outweighs its scheduling, and small pictures still split.
@@ -17,6 +18,12 @@ pub(super) trait Sample: Pod + Send + Sync {
 
     /// Plane `i` for writing.
     fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>>;
+
+    /// All planes for writing.
+    fn planes_mut(frame: &mut Frame) -> Option<Vec<PlaneMut<'_, Self>>>;
+
+    /// Packed red, green and blue as rows of each.
+    fn split(samples: &[Self], g: &mut [Self], b: &mut [Self], r: &mut [Self]);
 }
 
 impl Sample for u8 {
@@ -27,6 +34,14 @@ impl Sample for u8 {
     fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>> {
         frame.plane8_mut(i)
     }
+
+    fn planes_mut(frame: &mut Frame) -> Option<Vec<PlaneMut<'_, Self>>> {
+        frame.planes8_mut(0..frame.format.planes())
+    }
+
+    fn split(samples: &[Self], g: &mut [Self], b: &mut [Self], r: &mut [Self]) {
+        split8(samples, g, b, r);
+    }
 }
 
 impl Sample for u16 {
@@ -36,6 +51,14 @@ impl Sample for u16 {
 
     fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>> {
         frame.plane16_mut(i)
+    }
+
+    fn planes_mut(frame: &mut Frame) -> Option<Vec<PlaneMut<'_, Self>>> {
+        frame.planes16_mut(0..frame.format.planes())
+    }
+
+    fn split(samples: &[Self], g: &mut [Self], b: &mut [Self], r: &mut [Self]) {
+        split16(samples, g, b, r);
     }
 }
 
@@ -69,6 +92,10 @@ pub(super) fn unpack<S: Sample>(
     let (w, h) = orientation.size(width, height);
     let mut frame = Frame::new(format, w, h);
     frame.color.full_range = Some(true);
+    if orientation == ExifOrientation::default() && order == [2, 0, 1] {
+        unpack_upright(samples, &mut frame)?;
+        return Some(frame);
+    }
     for (channel, &plane) in order.iter().enumerate() {
         let (data, stride) = S::plane_mut(&mut frame, plane)?.into_data();
         data.par_chunks_mut(stride * ROWS).enumerate().for_each(|(task, rows)| {
@@ -78,6 +105,40 @@ pub(super) fn unpack<S: Sample>(
         });
     }
     Some(frame)
+}
+
+/// Red, green and blue that are upright already, as of nearly every picture: all planes in one pass.
+fn unpack_upright<S: Sample>(samples: &[S], frame: &mut Frame) -> Option<()> {
+    let width = frame.width;
+    let planes = <[PlaneMut<'_, S>; 3]>::try_from(S::planes_mut(frame)?).ok()?;
+    let [(g, g_stride), (b, b_stride), (r, r_stride)] = planes.map(PlaneMut::into_data);
+    let tasks = g.par_chunks_mut(g_stride * ROWS).zip(b.par_chunks_mut(b_stride * ROWS));
+    let tasks = tasks.zip(r.par_chunks_mut(r_stride * ROWS)).zip(samples.par_chunks(3 * width * ROWS));
+    tasks.for_each(|(((g, b), r), samples)| {
+        let rows = g.chunks_mut(g_stride).zip(b.chunks_mut(b_stride)).zip(r.chunks_mut(r_stride));
+        for (((g, b), r), samples) in rows.zip(samples.chunks_exact(3 * width)) {
+            S::split(samples, &mut g[..width], &mut b[..width], &mut r[..width]);
+        }
+    });
+    Some(())
+}
+
+multiversion! {
+    /// Packed red, green and blue as rows of each.
+    fn split8(samples: &[u8], g: &mut [u8], b: &mut [u8], r: &mut [u8]) {
+        for (((pixel, r), g), b) in samples.as_chunks::<3>().0.iter().zip(r).zip(g).zip(b) {
+            [*r, *g, *b] = *pixel;
+        }
+    }
+}
+
+multiversion! {
+    /// The same at 16 bit.
+    fn split16(samples: &[u16], g: &mut [u16], b: &mut [u16], r: &mut [u16]) {
+        for (((pixel, r), g), b) in samples.as_chunks::<3>().0.iter().zip(r).zip(g).zip(b) {
+            [*r, *g, *b] = *pixel;
+        }
+    }
 }
 
 /// Row `j` of one plane of the upright picture.
