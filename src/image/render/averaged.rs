@@ -21,6 +21,8 @@
 //! P. Heckbert, *Fundamentals of texture mapping and image warping*, UC Berkeley (1989), section 3.5, on the moments of a pixel's
 //! footprint.
 
+use rayon::prelude::*;
+
 use super::kernel::{MAX_PAIR_PX, PHASES, pair_rows};
 use super::plane::Job;
 use super::source::{Pairs, Sample, Source};
@@ -84,12 +86,14 @@ enum Kind {
     Many,
 }
 
-/// Spread of every lattice cell, x and y.
+/// Spread of every lattice cell, x and y, row by row; none of rows in which nothing is spread.
 pub(super) struct Spreads {
-    cols: usize,
-    cells: Vec<[Spread; 2]>,
-    /// Rows of cells in which something is spread.
-    rows: Vec<bool>,
+    rows: Vec<Vec<[Spread; 2]>>,
+}
+
+/// The length of a vector; `hypot` takes care of ranges that scales do not have, at ten times the time.
+fn length(x: f32, y: f32) -> f32 {
+    (x * x + y * y).sqrt()
 }
 
 impl Spreads {
@@ -103,15 +107,18 @@ impl Spreads {
             };
             let along = |i: usize| half(top[k], top[k + 1], bottom[k], bottom[k + 1], i);
             let down = |i: usize| half(top[k], bottom[k], top[k + 1], bottom[k + 1], i);
-            [Spread::of((1.0 + along(0)).hypot(down(0))), Spread::of(along(1).hypot(1.0 + down(1)))]
+            [Spread::of(length(1.0 + along(0), down(0))), Spread::of(length(along(1), 1.0 + down(1)))]
         };
-        let cells: Vec<[Spread; 2]> = (0..rows * cols).map(|i| cell(i % cols, i / cols)).collect();
-        let rows = cells.chunks(cols).map(|row| row.iter().any(|cell| Self::kind(cell) != Kind::Plain)).collect();
-        Self { cols, cells, rows }
+        let row = |l: usize| -> Vec<[Spread; 2]> {
+            let cells: Vec<_> = (0..cols).map(|k| cell(k, l)).collect();
+            // Of most rows of most pictures nothing is kept.
+            if cells.iter().all(|cell| Self::kind(cell) == Kind::Plain) { Vec::new() } else { cells }
+        };
+        Self { rows: (0..rows).into_par_iter().map(row).collect() }
     }
 
     fn any(&self) -> bool {
-        self.rows.contains(&true)
+        self.rows.iter().any(|row| !row.is_empty())
     }
 
     fn kind(cell: &[Spread; 2]) -> Kind {
@@ -129,7 +136,7 @@ impl Spreads {
 
     /// Something is spread in output row `j`.
     pub(super) fn any_in(&self, lattice: &Lattice, j: usize) -> bool {
-        self.rows[Self::row_of(lattice, j)]
+        !self.rows[Self::row_of(lattice, j)].is_empty()
     }
 
     /// Samples output row `j`, whose positions are in `scratch`.
@@ -142,7 +149,7 @@ impl Spreads {
         outs: &mut [&mut [S]],
     ) {
         let (step, width) = (job.lattice.step(), scratch.xs.len());
-        let cells = &self.cells[Self::row_of(job.lattice, j) * self.cols..][..self.cols];
+        let cells = &self.rows[Self::row_of(job.lattice, j)][..];
         let mut from = 0;
         while from < cells.len() {
             let kind = Self::kind(&cells[from]);

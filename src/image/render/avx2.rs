@@ -17,6 +17,7 @@
 #![allow(clippy::wildcard_imports)] // fifty intrinsics under their own names
 
 use std::arch::x86_64::*;
+use std::mem::MaybeUninit;
 
 use super::kernel::{PHASE_BITS, Table, UNIT, taps};
 use super::scan::Siting;
@@ -283,22 +284,33 @@ impl Weighting {
     #[inline]
     fn sample<S: Pairs, const N: usize>(&self, source: &Source<'_, S>, strips: &Strips) -> __m256i {
         let (plane, bias) = (source.plane, _mm256_set1_epi16(source.bias as i16));
-        let sums = if strips.inside(plane.width(), plane.height()) {
+        let mut patches = MaybeUninit::uninit();
+        let (starts, stride) = if strips.inside(plane.width(), plane.height()) {
             let at = |(x, y): (i32, i32)| plane.data()[y as usize * plane.stride() + x as usize..].as_ptr();
-            // SAFETY: `inside` holds for STRIP samples in STRIP_ROWS rows, more than any kernel reads.
-            unsafe { self.columns::<S, N>(bias, [at(strips.starts[0]), at(strips.starts[1])], plane.stride()) }
+            ([at(strips.starts[0]), at(strips.starts[1])], plane.stride())
         } else {
-            let mut patches = [[[S::default(); STRIP]; STRIP_ROWS]; 2];
-            for (patch, (x, y)) in patches.iter_mut().zip(strips.starts) {
-                source.copy_patch(x, y, patch);
-            }
-            let [lower, upper] = &patches;
-            // SAFETY: a patch has STRIP samples in STRIP_ROWS rows.
-            unsafe { self.columns::<S, N>(bias, [lower.as_flattened().as_ptr(), upper.as_flattened().as_ptr()], STRIP) }
+            let patches: &Patches<S> = patches.write(patches_of(source, strips.starts));
+            (patches.each_ref().map(|patch| patch.as_flattened().as_ptr()), STRIP)
         };
+        // SAFETY: `inside` holds for STRIP samples in STRIP_ROWS rows, more than any kernel reads, and patches have as many; they live
+        // to the end of this function.
+        let sums = unsafe { self.columns::<S, N>(bias, starts, stride) };
         let value = _mm256_add_epi32(sums, _mm256_set1_epi32(source.bias));
         _mm256_min_epi32(_mm256_max_epi32(value, _mm256_setzero_si256()), _mm256_set1_epi32(source.max))
     }
+}
+
+/// Copies of both strips.
+type Patches<S> = [[[S; STRIP]; STRIP_ROWS]; 2];
+
+/// Both strips with the border resolved.
+#[cold]
+fn patches_of<S: Pairs>(source: &Source<'_, S>, starts: [(i32, i32); 2]) -> Patches<S> {
+    starts.map(|(x, y)| {
+        let mut patch = [[S::default(); STRIP]; STRIP_ROWS];
+        source.copy_patch(x, y, &mut patch);
+        patch
+    })
 }
 
 /// The values of eight samples of every plane, handed to `put` with the index of the plane. `weights` are those along x and y.
@@ -326,21 +338,6 @@ fn block<S: Pairs, const N: usize>(
     }
 }
 
-/// Weights of eight samples along x and y; sample `j` has the index `index(j)`.
-#[inline(always)]
-#[allow(clippy::inline_always)] // into code compiled for AVX2
-fn weights<'t, const N: usize>(
-    taps: &'t impl Taps<N>,
-    index: impl Fn(usize) -> usize,
-    (xs, ys): (&[i32; LANES], &[i32; LANES]),
-) -> [[&'t [i16; N]; LANES]; 2] {
-    let (mut across, mut down) = ([taps.across(index(0), xs[0]); LANES], [taps.down(index(0), ys[0]); LANES]);
-    for j in 1..LANES {
-        (across[j], down[j]) = (taps.across(index(j), xs[j]), taps.down(index(j), ys[j]));
-    }
-    [across, down]
-}
-
 #[target_feature(enable = "avx2")]
 #[inline]
 fn sample_row<S: Pairs, const N: usize>(
@@ -351,20 +348,31 @@ fn sample_row<S: Pairs, const N: usize>(
 ) where
     [i16; N]: Weights,
 {
-    let ((eights, rest), (down_eights, down_rest)) = (xs.as_chunks::<LANES>(), ys.as_chunks::<LANES>());
-    for (k, at) in eights.iter().zip(down_eights).enumerate() {
-        let first = k * LANES;
-        let weights = weights(taps, |j| first + j, at);
-        block(sources, weights, at, |k, values| outs[k][first..first + LANES].copy_from_slice(&values));
+    let count = xs.len().min(ys.len());
+    let (mut padded_xs, mut padded_ys) = ([0; LANES], [0; LANES]);
+    for first in (0..count).step_by(LANES) {
+        let (x, y, end) = (&xs[first..count], &ys[first..count], count.min(first + LANES));
+        let at = match (x.first_chunk::<LANES>(), y.first_chunk::<LANES>()) {
+            (Some(x), Some(y)) => (x, y),
+            // The rest is filled up with its last position.
+            _ => {
+                for j in 0..LANES {
+                    let i = j.min(end - first - 1);
+                    (padded_xs[j], padded_ys[j]) = (x[i], y[i]);
+                }
+                (&padded_xs, &padded_ys)
+            }
+        };
+        let (mut across, mut down) = ([taps.across(first, at.0[0]); LANES], [taps.down(first, at.1[0]); LANES]);
+        for j in 1..LANES {
+            let i = (first + j).min(count - 1);
+            (across[j], down[j]) = (taps.across(i, at.0[j]), taps.down(i, at.1[j]));
+        }
+        block(sources, [across, down], at, |k, values| match outs[k].get_mut(first..first + LANES) {
+            Some(out) => out.copy_from_slice(&values),
+            None => outs[k][first..end].copy_from_slice(&values[..end - first]),
+        });
     }
-    // The rest is filled up with its last position.
-    let (Some(&x), Some(&y)) = (rest.last(), down_rest.last()) else { return };
-    let (mut last_xs, mut last_ys) = ([x; LANES], [y; LANES]);
-    last_xs[..rest.len()].copy_from_slice(rest);
-    last_ys[..rest.len()].copy_from_slice(down_rest);
-    let (first, at) = (xs.len() - rest.len(), (&last_xs, &last_ys));
-    let weights = weights(taps, |j| first + j.min(rest.len() - 1), at);
-    block(sources, weights, at, |k, values| outs[k][first..xs.len()].copy_from_slice(&values[..rest.len()]));
 }
 
 /// Words of eight lanes that lie within 0 to 65535.

@@ -92,14 +92,9 @@ impl Job<'_> {
             run.check()?;
             let first = task * ROWS_PER_TASK;
             for j in first..(first + ROWS_PER_TASK).min(height) {
-                let row = |(rows, stride): &mut Rows<'_, S>| (j - first) * *stride..(j - first) * *stride + width;
-                let mut outs: Vec<&mut [S]> = planes
-                    .iter_mut()
-                    .map(|plane| {
-                        let range = row(plane);
-                        &mut plane.0[range]
-                    })
-                    .collect();
+                let range = |stride: usize| (j - first) * stride..(j - first) * stride + width;
+                let mut outs: Vec<&mut [S]> =
+                    planes.iter_mut().map(|(rows, stride)| &mut rows[range(*stride)]).collect();
                 self.row(sources, j, scratch, &mut outs);
             }
             Ok(())
