@@ -1,12 +1,14 @@
 //! Between the packed samples of files, `R G B A R G B A …`, and planes.
 
+use std::any::Any;
+
 use bytemuck::Pod;
 use rayon::prelude::*;
 
 use super::reduce::{over_white, to_8_bit};
 use super::{ExifOrientation, StillError};
 use crate::simd::multiversion;
-use crate::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
+use crate::{Frame, FrameBuffer, Layout, PixelFormat, PlaneMut, PlaneRef, PlaneRows};
 
 /// Rows per parallel task: a task outweighs its scheduling, and small pictures still split.
 const ROWS: usize = 32;
@@ -141,6 +143,64 @@ multiversion! {
     }
 }
 
+/// [`unpack`] of samples that are not needed any longer: of red, green and blue that are upright already in their own memory.
+pub(super) fn unpacked<S: Sample>(
+    mut samples: Vec<S>,
+    size: (usize, usize),
+    format: PixelFormat,
+    orientation: ExifOrientation,
+) -> Option<Frame> {
+    let (width, height) = size;
+    let fits = samples.len() == 3 * width * height && !samples.is_empty();
+    if !(fits && orientation == ExifOrientation::default() && planes_of(format) == [2, 0, 1]) {
+        return unpack(&samples, size, format, orientation);
+    }
+    samples.par_chunks_mut(3 * width * ROWS).for_each_init(Vec::new, |copy, rows| {
+        for row in rows.chunks_exact_mut(3 * width) {
+            copy.clear();
+            copy.extend_from_slice(row);
+            let (g, rest) = row.split_at_mut(width);
+            let (b, r) = rest.split_at_mut(width);
+            S::split(copy, g, b, r);
+        }
+    });
+    let mut frame = Frame::from_buffer(format, width, height, Box::new(PlanesByRow { samples, width }));
+    frame.color.full_range = Some(true);
+    Some(frame)
+}
+
+/// Planes whose rows take turns: a row of green, of blue, of red, the next of green.
+struct PlanesByRow<S> {
+    samples: Vec<S>,
+    width: usize,
+}
+
+impl<S> PlanesByRow<S> {
+    /// Bytes from a row of a plane to its next.
+    fn stride(&self) -> usize {
+        3 * self.width * size_of::<S>()
+    }
+}
+
+impl<S: Sample> FrameBuffer for PlanesByRow<S> {
+    fn plane(&self, i: usize) -> PlaneRows<'_> {
+        (bytemuck::cast_slice(&self.samples[i * self.width..]), self.stride())
+    }
+
+    fn plane_mut(&mut self, i: usize) -> Option<(&mut [u8], usize)> {
+        let stride = self.stride();
+        Some((bytemuck::cast_slice_mut(&mut self.samples[i * self.width..]), stride))
+    }
+
+    fn planes_mut(&mut self) -> Option<Vec<(&mut [u8], usize)>> {
+        None
+    }
+
+    fn as_any(&mut self) -> &mut dyn Any {
+        self
+    }
+}
+
 /// Row `j` of one plane of the upright picture.
 fn fill_row<S: Sample>(
     row: &mut [S],
@@ -267,6 +327,22 @@ mod tests {
             assert_eq!(pack::<u16>(&frame).expect("a still format"), samples);
             assert!(unpack(&samples[1..], (37, 70), format, ExifOrientation::default()).is_none());
         }
+    }
+
+    #[test]
+    fn samples_unpacked_in_their_own_memory_are_the_same() {
+        let format = PixelFormat::opaque(Layout::Gbr, 16);
+        let samples: Vec<u16> = (0..37 * 70 * 3).map(|i| (i * 7) as u16).collect();
+        let apart = unpack(&samples, (37, 70), format, ExifOrientation::default()).expect("as many as it takes");
+        let own = unpacked(samples.clone(), (37, 70), format, ExifOrientation::default()).expect("as many as it takes");
+        for plane in 0..3 {
+            let rows = |frame: &Frame| {
+                (0..70).map(|y| frame.plane16(plane).expect("16 bit").row(y).to_vec()).collect::<Vec<_>>()
+            };
+            assert_eq!(rows(&own), rows(&apart), "plane {plane}");
+        }
+        assert_eq!(pack::<u16>(&own).expect("a still format"), samples);
+        assert!(unpacked(samples[1..].to_vec(), (37, 70), format, ExifOrientation::default()).is_none());
     }
 
     #[test]
