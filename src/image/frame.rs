@@ -177,7 +177,7 @@ impl Frame {
 /// Bytes as a plane of 16-bit samples; `None` where they are not aligned to samples. The stride is in bytes.
 fn words_mut(data: &mut [u8], (width, height): (usize, usize), stride: usize) -> Option<PlaneMut<'_, u16>> {
     let even = data.len() & !1;
-    let words = bytemuck::try_cast_slice_mut(&mut data[..even]).ok().filter(|_| stride % 2 == 0)?;
+    let words = bytemuck::try_cast_slice_mut(&mut data[..even]).ok().filter(|_| stride.is_multiple_of(2))?;
     PlaneMut::new(words, width, height, stride / 2)
 }
 

@@ -352,16 +352,15 @@ fn sample_row<S: Pairs, const N: usize>(
     let (mut padded_xs, mut padded_ys) = ([0; LANES], [0; LANES]);
     for first in (0..count).step_by(LANES) {
         let (x, y, end) = (&xs[first..count], &ys[first..count], count.min(first + LANES));
-        let at = match (x.first_chunk::<LANES>(), y.first_chunk::<LANES>()) {
-            (Some(x), Some(y)) => (x, y),
+        let at = if let (Some(x), Some(y)) = (x.first_chunk::<LANES>(), y.first_chunk::<LANES>()) {
+            (x, y)
+        } else {
             // The rest is filled up with its last position.
-            _ => {
-                for j in 0..LANES {
-                    let i = j.min(end - first - 1);
-                    (padded_xs[j], padded_ys[j]) = (x[i], y[i]);
-                }
-                (&padded_xs, &padded_ys)
+            for j in 0..LANES {
+                let i = j.min(end - first - 1);
+                (padded_xs[j], padded_ys[j]) = (x[i], y[i]);
             }
+            (&padded_xs, &padded_ys)
         };
         let (mut across, mut down) = ([taps.across(first, at.0[0]); LANES], [taps.down(first, at.1[0]); LANES]);
         for j in 1..LANES {

@@ -134,10 +134,10 @@ impl InstructionSet {
     ) {
         match (self, tables) {
             (Self::Portable, Tables::Four(table)) => {
-                each(sources, outs, |source, out| source.sample_row(&**table, at, out))
+                each(sources, outs, |source, out| source.sample_row(&**table, at, out));
             }
             (Self::Portable, Tables::Six(table)) => {
-                each(sources, outs, |source, out| source.sample_row(&**table, at, out))
+                each(sources, outs, |source, out| source.sample_row(&**table, at, out));
             }
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // as above

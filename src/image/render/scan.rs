@@ -109,10 +109,7 @@ impl Line {
         // Eight or four at a time: the inner loop is one vector addition, one shift and one store.
         let (eights, rest) = out.as_chunks_mut::<8>();
         if !eights.is_empty() {
-            let mut lanes = [0_i32; 8];
-            for k in 1..8 {
-                lanes[k] = advance.wrapping_mul(k as i32);
-            }
+            let lanes = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| advance.wrapping_mul(k));
             for eight in eights {
                 for (position, lane) in eight.iter_mut().zip(lanes) {
                     *position = at.wrapping_add(lane) >> DROPPED;

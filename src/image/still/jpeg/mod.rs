@@ -110,7 +110,7 @@ pub(super) fn encode(
     let halved = frame.format.layout == Layout::Gbr && quality < FULL_CHROMA;
     let header = header_of_pixel(planes.len() > 1, quality, metadata).map_err(|e| StillError::Encode(e.to_string()))?;
     let odd = || StillError::Encode("the encoder wrote no tables".to_owned());
-    let coders = Coder::all(Tables::of(&header), planes.len()).ok_or_else(odd)?;
+    let coders = Coder::all(&Tables::of(&header), planes.len()).ok_or_else(odd)?;
     let block = if halved { 16 } else { 8 };
     let (across, down) = (frame.width.div_ceil(block), frame.height.div_ceil(block));
     let rows = down.div_ceil(BANDS).clamp(1, (MAX_INTERVAL / across).max(1));
@@ -130,9 +130,9 @@ fn header_of_pixel(color: bool, quality: u8, metadata: &Written<'_>) -> Result<V
     encoder.set_sampling_factor(if full { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 });
     metadata.add_to(&mut encoder)?;
     if color {
-        encoder.encode(&[0; 3], 1, 1, ColorType::Rgb)?
+        encoder.encode(&[0; 3], 1, 1, ColorType::Rgb)?;
     } else {
-        encoder.encode(&[0], 1, 1, ColorType::Luma)?
+        encoder.encode(&[0], 1, 1, ColorType::Luma)?;
     }
     Ok(out)
 }
@@ -191,7 +191,7 @@ struct Coder {
 
 impl Coder {
     /// Those of luma, and where there are three channels of each color difference.
-    fn all(tables: Tables, channels: usize) -> Option<Vec<Self>> {
+    fn all(tables: &Tables, channels: usize) -> Option<Vec<Self>> {
         let of = |kind: usize| {
             let (quantization, means) = (tables.quantization[kind].clone()?, tables.means[kind].clone()?);
             Some(Self { quantization, means, rest: tables.rest[kind].clone()? })

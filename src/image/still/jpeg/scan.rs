@@ -4,7 +4,6 @@
 //! ITU-T T.81, F.1.2.
 
 use super::blocks::Coefficients;
-use super::header::Huffman;
 
 /// The symbol for sixteen zeros in a row, and that for nothing but zeros.
 const SIXTEEN_ZEROS: usize = 0xf0;
