@@ -4,6 +4,7 @@
 //! and this layer stays ignorant of where it came from.
 
 use std::any::Any;
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::{ColorDescription, PixelFormat, PlaneMut, PlaneRef};
@@ -19,6 +20,9 @@ pub trait FrameBuffer: Send + Sync {
 
     /// Plane `i` for writing; `None` where the memory is shared (a decoder's reference frame).
     fn plane_mut(&mut self, i: usize) -> Option<(&mut [u8], usize)>;
+
+    /// All planes for writing, in their order; `None` where the memory is shared, or planes overlap.
+    fn planes_mut(&mut self) -> Option<Vec<(&mut [u8], usize)>>;
 
     /// The buffer itself, so that the layer that made it can have its own type back.
     fn as_any(&mut self) -> &mut dyn Any;
@@ -50,6 +54,10 @@ impl FrameBuffer for OwnedBuffer {
     fn plane_mut(&mut self, i: usize) -> Option<(&mut [u8], usize)> {
         let (data, stride) = &mut self.planes[i];
         Some((bytemuck::cast_slice_mut(data), *stride))
+    }
+
+    fn planes_mut(&mut self) -> Option<Vec<(&mut [u8], usize)>> {
+        Some(self.planes.iter_mut().map(|(data, stride)| (bytemuck::cast_slice_mut(data), *stride)).collect())
     }
 
     fn as_any(&mut self) -> &mut dyn Any {
@@ -144,12 +152,33 @@ impl Frame {
             return None;
         }
         let (data, stride) = self.buffer.plane_mut(i)?;
-        if stride % 2 != 0 {
-            return None;
-        }
-        let even = data.len() & !1;
-        PlaneMut::new(bytemuck::try_cast_slice_mut(&mut data[..even]).ok()?, w, h, stride / 2)
+        words_mut(data, (w, h), stride)
     }
+
+    /// Some planes of an 8-bit frame for writing; `None` also where the memory is shared, or planes overlap.
+    pub(crate) fn planes8_mut(&mut self, planes: Range<usize>) -> Option<Vec<PlaneMut<'_, u8>>> {
+        let (format, width, height) = (self.format, self.width, self.height);
+        let size = |i: usize| format.plane_size(i, width, height);
+        let own = self.buffer.planes_mut().filter(|_| format.bytes_per_sample() == 1)?;
+        let wanted = own.into_iter().enumerate().skip(planes.start).take(planes.len());
+        wanted.map(|(i, (data, stride))| PlaneMut::new(data, size(i).0, size(i).1, stride)).collect()
+    }
+
+    /// Some planes of a deeper frame for writing; `None` also where the memory is shared, or planes overlap.
+    pub(crate) fn planes16_mut(&mut self, planes: Range<usize>) -> Option<Vec<PlaneMut<'_, u16>>> {
+        let (format, width, height) = (self.format, self.width, self.height);
+        let size = |i: usize| format.plane_size(i, width, height);
+        let own = self.buffer.planes_mut().filter(|_| format.bytes_per_sample() > 1)?;
+        let wanted = own.into_iter().enumerate().skip(planes.start).take(planes.len());
+        wanted.map(|(i, (data, stride))| words_mut(data, size(i), stride)).collect()
+    }
+}
+
+/// Bytes as a plane of 16-bit samples; `None` where they are not aligned to samples. The stride is in bytes.
+fn words_mut(data: &mut [u8], (width, height): (usize, usize), stride: usize) -> Option<PlaneMut<'_, u16>> {
+    let even = data.len() & !1;
+    let words = bytemuck::try_cast_slice_mut(&mut data[..even]).ok().filter(|_| stride.is_multiple_of(2))?;
+    PlaneMut::new(words, width, height, stride / 2)
 }
 
 impl std::fmt::Debug for Frame {

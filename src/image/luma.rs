@@ -34,7 +34,7 @@ pub fn analysis_luma(frame: &Frame, max_side: usize, out: &mut Plane<u8>) -> boo
     out.resize(w, h);
     let shift = u32::from(frame.format.bits.saturating_sub(8));
     match (frame.format.layout, frame.format.bytes_per_sample()) {
-        (Layout::Gbr, 1) => mixed(|i| frame.plane8(i), shift, out),
+        (Layout::Gbr, 1) => mixed8(|i| frame.plane8(i), out),
         (Layout::Gbr, _) => mixed(|i| frame.plane16(i), shift, out),
         (_, 1) => frame.plane8(0).is_some_and(|luma| shrink8(luma, out)),
         (_, _) => frame.plane16(0).is_some_and(|luma| shrink16(luma, shift, out)),
@@ -65,6 +65,23 @@ fn mixed<'a, T: Copy + Into<f32> + 'a>(
         }
     };
     shrink(&rows, shift, g.width(), g.height(), out)
+}
+
+/// [`mixed`] of 8-bit planes, which nearly all pictures are.
+fn mixed8<'a>(plane: impl Fn(usize) -> Option<PlaneRef<'a, u8>>, out: &mut Plane<u8>) -> bool {
+    let (Some(g), Some(b), Some(r)) = (plane(0), plane(1), plane(2)) else { return false };
+    let rows = move |y: usize, out: &mut [f32]| mix_row8([g.row(y), b.row(y), r.row(y)], out);
+    shrink(&rows, 0, g.width(), g.height(), out)
+}
+
+multiversion! {
+    /// Luma of a row.
+    fn mix_row8(gbr: [&[u8]; 3], out: &mut [f32]) {
+        let [wg, wb, wr] = GBR_WEIGHTS.map(|w| w as f32 / 65_536.0);
+        for (((out, g), b), r) in out.iter_mut().zip(gbr[0]).zip(gbr[1]).zip(gbr[2]) {
+            *out = wg * f32::from(*g) + wb * f32::from(*b) + wr * f32::from(*r);
+        }
+    }
 }
 
 /// The whole number that both sides of `luma` are of those of `out`, where there is one.
@@ -191,21 +208,47 @@ fn covers(n: usize, count: usize) -> Vec<Cover> {
 fn shrink(rows: &Rows<'_>, shift: u32, width: usize, height: usize, out: &mut Plane<u8>) -> bool {
     let area = (width * height) as f64 / (out.width() * out.height()) as f64;
     let scale = (1.0 / (area * f64::from(1_u32 << shift))) as f32;
-    let (mut row, mut sums) = (vec![0_f32; width], vec![0_f32; width]);
+    // Two zeros behind the row for covers that are filled up to three samples.
+    let (mut row, mut sums) = (vec![0_f32; width], vec![0_f32; width + 2]);
     let columns = covers(width, out.width());
+    let longest = columns.iter().map(|cover| cover.weights.len()).max().unwrap_or(0);
+    let three: Vec<(u32, [f32; 3])> =
+        if longest <= 3 { columns.iter().map(Cover::three).collect() } else { Vec::new() };
+    // The row that is in `row`: neighbors share the one between them.
+    let mut known = usize::MAX;
     for (y, cover) in covers(height, out.height()).iter().enumerate() {
         sums.fill(0.0);
         for (k, weight) in cover.weights.iter().enumerate() {
-            rows(cover.first + k, &mut row);
+            if known != cover.first + k {
+                known = cover.first + k;
+                rows(known, &mut row);
+            }
             add_weighted(&row, *weight, &mut sums);
         }
-        for (out, cover) in out.as_mut().row_mut(y).iter_mut().zip(&columns) {
-            let covered = &sums[cover.first..cover.first + cover.weights.len()];
-            let sum: f32 = covered.iter().zip(&cover.weights).map(|(v, w)| v * w).sum();
-            *out = (sum * scale + 0.5) as u8;
+        let mut view = out.as_mut();
+        let line = view.row_mut(y).iter_mut();
+        if three.is_empty() {
+            for (out, cover) in line.zip(&columns) {
+                let covered = &sums[cover.first..cover.first + cover.weights.len()];
+                let sum: f32 = covered.iter().zip(&cover.weights).map(|(v, w)| v * w).sum();
+                *out = (sum * scale + 0.5) as u8;
+            }
+        } else {
+            for (out, (first, [a, b, c])) in line.zip(&three) {
+                let covered = &sums[*first as usize..][..3];
+                *out = ((covered[0] * a + covered[1] * b + covered[2] * c) * scale + 0.5) as u8;
+            }
         }
     }
     true
+}
+
+impl Cover {
+    /// At most three samples, the rest of weight 0.
+    fn three(&self) -> (u32, [f32; 3]) {
+        let weight = |k: usize| self.weights.get(k).copied().unwrap_or(0.0);
+        (self.first as u32, [weight(0), weight(1), weight(2)])
+    }
 }
 
 multiversion! {

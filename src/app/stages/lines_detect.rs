@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::photo::gray_levels;
 use super::photo::lens::{self, LensRequest};
 use super::prelude::*;
-use super::values::LineSet;
+use super::values::{LineSet, Searched};
 use plumbline_camera::FieldAxis;
 use plumbline_image::Frame;
 use plumbline_image::still::Photo;
@@ -57,15 +57,16 @@ impl Stage for LinesDetectSettings {
     }
 }
 
-fn found(photo: &Photo, settings: &LinesDetectSettings, run: &Run) -> Result<LineSet, RunError> {
+fn found(photo: &Arc<Photo>, settings: &LinesDetectSettings, run: &Run) -> Result<LineSet, RunError> {
     let lens = match LensRequest::of_lines(settings) {
         Some(request) => lens::find_unless_stitched(photo, &[], request, run)?.map(Arc::new),
         None => None,
     };
     let search = line_search(&photo.frame);
-    let found = search.map_or(Ok(Vec::new()), |search| search.lines(lens.as_ref().map(|found| &found.lens), run))?;
+    let in_search = |search: &LineSearch| search.lines(lens.as_ref().map(|found| &found.lens), run);
+    let found = search.as_ref().map_or(Ok(Vec::new()), in_search)?;
     let lines = found.into_iter().filter(|line| !settings.without.contains(&line.name)).collect();
-    Ok(LineSet { lines, lens, found: true })
+    Ok(LineSet { lines, lens, found: true, searched: search.map(|search| Searched::new(photo, search)) })
 }
 
 /// Longest side of the picture that is searched, px: views of it have half as many.

@@ -43,6 +43,6 @@ impl Stage for LinesLoadSettings {
             context.warn(format!("{}: {note}", path.display()));
         }
         let lines = file.in_use().cloned().collect();
-        Ok((LineSet { lines, lens: None, found: false },))
+        Ok((LineSet { lines, ..LineSet::default() },))
     }
 }

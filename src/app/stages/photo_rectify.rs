@@ -110,7 +110,7 @@ impl Stage for PhotoRectifySettings {
         found.warnings.iter().for_each(|w| context.warn(w.clone()));
         context.job.check_cancel()?;
         // The map, in a size that may depend on that of the result.
-        let search = line_search(&photo.frame);
+        let search = set.searched.and_then(|searched| searched.of(&photo)).or_else(|| line_search(&photo.frame));
         let LineConstraints { lines, soft } = match &search {
             Some(search) if set.found => search.of_found(set.lines, &found.lens, &faces),
             Some(search) => search.of_marked(&set.lines, &found.lens, &faces, &context.job.run())?,

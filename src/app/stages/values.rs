@@ -2,7 +2,7 @@
 //!
 //! Everything is counted by reference and dropped after the last stage that takes it.
 
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use nalgebra::Point3;
 
@@ -12,6 +12,7 @@ use crate::pipeline::port_value::PortValue;
 use crate::pipeline::run_error::RunError;
 use plumbline_image::feature::{Face, Importance};
 use plumbline_image::still::Photo;
+use plumbline_photo::line_detection::LineSearch;
 use plumbline_photo::{Line, PhotoWarp};
 use plumbline_shape::character::io::Rig;
 use plumbline_shape::mesh::{MeshError, Model, TriMesh};
@@ -52,6 +53,26 @@ pub struct LineSet {
     pub(crate) lens: Option<Arc<Found>>,
     /// They were found, not marked: each is two ends, and between them as straight as the lens says.
     pub(crate) found: bool,
+    /// Where they were searched.
+    pub(crate) searched: Option<Searched>,
+}
+
+/// The gray levels of a picture in which lines were searched.
+#[derive(Clone, Debug)]
+pub struct Searched {
+    photo: Weak<Photo>,
+    search: LineSearch,
+}
+
+impl Searched {
+    pub(crate) fn new(photo: &Arc<Photo>, search: LineSearch) -> Self {
+        Self { photo: Arc::downgrade(photo), search }
+    }
+
+    /// The search, if it was in this picture.
+    pub(crate) fn of(self, photo: &Arc<Photo>) -> Option<LineSearch> {
+        (self.photo.as_ptr() == Arc::as_ptr(photo)).then_some(self.search)
+    }
 }
 
 impl LineSet {
@@ -61,6 +82,7 @@ impl LineSet {
         for set in sets {
             all.lines.extend(set.lines);
             all.lens = all.lens.or(set.lens);
+            all.searched = all.searched.or(set.searched);
             all.found &= set.found;
         }
         all

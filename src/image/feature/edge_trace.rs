@@ -111,8 +111,8 @@ impl<'a> EdgeTracer<'a> {
         let mut levels = [0.0_f64; 2 * (SIDE + FINE) + 1];
         for (k, level) in levels.iter_mut().enumerate() {
             let at = p + normal * ((k as f64 - (SIDE + FINE) as f64) / FINE as f64);
-            let three = [-1.0, 0.0, 1.0].map(|t| self.gray(at + tangent * t));
-            *level = (three[0]? + three[1]? + three[2]?) / 3.0;
+            let (before, here, after) = (self.gray(at - tangent)?, self.gray(at)?, self.gray(at + tangent)?);
+            *level = (before + here + after) / 3.0;
         }
         let step = |k: usize| (levels[k + 2 * FINE] - levels[k]).abs();
         let offset = |k: usize| (k as f64 - SIDE as f64) / FINE as f64;
@@ -137,8 +137,8 @@ impl<'a> EdgeTracer<'a> {
         let (i, j) = (x as usize, y as usize);
         let (s, t) = (x - i as f64, y - j as f64);
         let row = |j: usize| {
-            let row = self.luma.row(j);
-            f64::from(row[i]) * (1.0 - s) + f64::from(row[i + 1]) * s
+            let [a, b] = self.luma.row(j)[i..i + 2] else { return f64::NAN };
+            f64::from(a) * (1.0 - s) + f64::from(b) * s
         };
         Some(row(j) * (1.0 - t) + row(j + 1) * t).filter(|v| v.is_finite())
     }

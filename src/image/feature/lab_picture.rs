@@ -7,8 +7,11 @@
 //! # Reference
 //! CIE 15:2004, *Colorimetry*; IEC 61966-2-1 (sRGB).
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use crate::simd::multiversion;
 use crate::{Frame, Layout, Plane, PlaneRef, analysis_size};
 
 /// `L*`, `a*` and `b*`, each divided by 100: `L*` in [0, 1], the others about within ±1.
@@ -78,29 +81,43 @@ fn rgb_of_yuv(y: f32, u: f32, v: f32) -> [f32; 3] {
 fn shrunk(frame: &Frame, i: usize, width: usize, height: usize) -> Option<Vec<f32>> {
     let full = 1.0 / ((1_u32 << frame.format.bits) - 1) as f32;
     match frame.format.bytes_per_sample() {
-        1 => frame.plane8(i).map(|p| averaged(p, width, height, full)),
-        _ => frame.plane16(i).map(|p| averaged(p, width, height, full)),
+        1 => frame.plane8(i).map(|p| averaged(p, add_bytes, (width, height), full)),
+        _ => frame.plane16(i).map(|p| averaged(p, add_words, (width, height), full)),
     }
 }
 
-fn averaged<T: Copy + Into<u32> + Sync>(plane: PlaneRef<'_, T>, width: usize, height: usize, full: f32) -> Vec<f32> {
+multiversion! {
+    fn add_bytes(row: &[u8], sums: &mut [u32]) {
+        sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += u32::from(*v));
+    }
+}
+
+multiversion! {
+    fn add_words(row: &[u16], sums: &mut [u32]) {
+        sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += u32::from(*v));
+    }
+}
+
+fn averaged<T: Sync>(
+    plane: PlaneRef<'_, T>,
+    add: impl Fn(&[T], &mut [u32]) + Sync,
+    (width, height): (usize, usize),
+    full: f32,
+) -> Vec<f32> {
     let span = |k: usize, source: usize, count: usize| {
         let from = k * source / count;
         from..((k + 1) * source / count).max(from + 1)
     };
+    let columns: Vec<Range<usize>> = (0..width).map(|x| span(x, plane.width(), width)).collect();
     let mut out = vec![0.0; width * height];
-    out.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    let sums = || vec![0_u32; plane.width()];
+    out.par_chunks_mut(width).enumerate().for_each_init(sums, |sums, (y, row)| {
         let rows = span(y, plane.height(), height);
-        let mut sums = vec![0_u32; plane.width()];
-        for source in rows.clone() {
-            for (sum, v) in sums.iter_mut().zip(plane.row(source)) {
-                *sum += (*v).into();
-            }
-        }
-        for (x, out) in row.iter_mut().enumerate() {
-            let columns = span(x, plane.width(), width);
+        sums.fill(0);
+        rows.clone().for_each(|source| add(plane.row(source), sums));
+        for (out, columns) in row.iter_mut().zip(&columns) {
             let area = (columns.len() * rows.len()) as f32;
-            *out = sums[columns].iter().map(|&s| s as f32).sum::<f32>() * full / area;
+            *out = sums[columns.clone()].iter().map(|&s| s as f32).sum::<f32>() * full / area;
         }
     });
     out

@@ -1,27 +1,35 @@
 //! Where the map shrinks: the mean over each output pixel's area.
 //!
 //! A kernel that interpolates passes frequencies of the source that the output cannot show; where one output pixel spans
-//! `m > 1` source pixels they fold back as moiré. The value of a pixel is then the mean of `k × k` interpolated samples spread
-//! over its area,
+//! `m > 1` source pixels they fold back as moiré. The value of a pixel is then the mean of samples spread evenly over its area. With
+//! `u` and `v` the columns of the Jacobian in a lattice cell, the source px that a step of one output px along x and y spans, the
+//! area is that of the upright rectangle with the same second moments, of sides
 //!
 //! ```text
-//! k = ⌈m / 1.5⌉ ≥ 2,     o_a = ((a + ½)/k − ½) · s(m),     s(m) = clamp((m − 1.2) / 0.8, 0, 1),
+//! w(mₓ) and w(m_y),    mₓ = √(uₓ² + vₓ²),  m_y = √(u_y² + v_y²),    w(m) = m · clamp((m − 1.2) / 0.8, 0, 1):
 //! ```
 //!
-//! along each axis by itself (a retargeted picture shrinks along one). `m` is the length of the Jacobian's column in a lattice
-//! cell. The spread `s` grows from 0, so that nothing shows where the mean sets in: below `m = 1.2` the result is that of
-//! [`Renderer::render`], bit for bit. Samples taken are at most about as many as the source has pixels, whatever the scale.
+//! exact for maps that scale both ways alike, however they rotate, and for those that scale along the axes, as retargeted pictures do. The
+//! spread `w` grows from 0, so that nothing shows where the mean sets in: below `m = 1.2` the result is that of
+//! [`Renderer::render`], bit for bit.
+//!
+//! Along each axis `2n` samples are taken, `n = ⌈m / 2.9⌉`, at most 1.45 px apart. Neighbors are taken two at a time: the mean of two samples
+//! of a four-tap kernel is one sample of a kernel of six ([`PairTable`](super::kernel::PairTable)). Up to `m = 2.9` a pixel
+//! therefore is a single sample.
+//!
+//! # Reference
+//! P. Heckbert, *Fundamentals of texture mapping and image warping*, UC Berkeley (1989), section 3.5, on the moments of a pixel's
+//! footprint.
 
 use rayon::prelude::*;
 
-use super::kernel::PHASE_BITS;
-use super::plane::{Job, ROWS_PER_TASK};
-use super::scan::{Line, NOWHERE, unit};
-use super::source::Source;
-use super::{RenderError, Renderer, check};
+use super::kernel::{MAX_PAIR_PX, PHASES, pair_rows};
+use super::plane::Job;
+use super::source::{Pairs, Sample, Source};
+use super::{RenderError, Renderer};
+use crate::Frame;
 use crate::warp::Lattice;
-use crate::{Frame, PlaneMut};
-use plumbline_num::run::{Run, Stopped};
+use plumbline_num::run::Run;
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Kernels;
@@ -32,46 +40,60 @@ use super::source::Sample as Kernels;
 /// grows to the full pixel.
 const MIN_SCALE: f32 = 1.2;
 const SCALE_RANGE: f32 = 0.8;
-/// Distance between two samples of a mean, source px: below the support of the kernel.
-const SAMPLE_SPACING: f32 = 1.5;
-/// Maximum number of samples of a mean along an axis: bounds the time of extreme scales.
-const MAX_SAMPLES: f32 = 64.0;
+/// Maximum number of pairs of samples of a mean along an axis: bounds the time of extreme scales.
+const MAX_PAIRS: f32 = 32.0;
 /// Maximum lattice cell, px.
 const MAX_CELL_PX: usize = 32;
 
-/// Samples of the pixels in a lattice cell along one axis: how many, and over which part of the pixel.
+/// Samples of the pixels in a lattice cell along one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spread {
-    count: u32,
-    part: f32,
+    /// Pairs of samples.
+    pairs: u16,
+    /// First row of the weights of a pair.
+    rows: u16,
+    /// Length over which they are spread, units of 1/256 px.
+    width: f32,
 }
 
 impl Spread {
+    const NONE: Self = Self { pairs: 1, rows: 0, width: 0.0 };
+
     /// For a pixel that spans `m` source pixels.
     fn of(m: f32) -> Self {
-        let shrinks = m > MIN_SCALE && m.is_finite();
-        if shrinks {
-            Self {
-                count: (m / SAMPLE_SPACING).ceil().clamp(2.0, MAX_SAMPLES) as u32,
-                part: ((m - MIN_SCALE) / SCALE_RANGE).min(1.0),
-            }
-        } else {
-            Self { count: 1, part: 0.0 }
+        if !(m > MIN_SCALE && m.is_finite()) {
+            return Self::NONE;
         }
+        let width = m * ((m - MIN_SCALE) / SCALE_RANGE).min(1.0);
+        let pairs = (0.5 * m / MAX_PAIR_PX).ceil().clamp(1.0, MAX_PAIRS);
+        Self { pairs: pairs as u16, rows: pair_rows(0.5 * width / pairs) as u16, width: width * PHASES as f32 }
     }
 
-    /// Offset of sample `a` from the pixel's center, px.
-    fn offset(self, a: u32) -> f32 {
-        ((a as f32 + 0.5) / self.count as f32 - 0.5) * self.part
+    /// Offset of pair `a` from the pixel's center, units of 1/256 px.
+    fn offset(self, a: u16) -> i32 {
+        (((f32::from(a) + 0.5) / f32::from(self.pairs) - 0.5) * self.width).round() as i32
     }
 }
 
-/// Spread of every lattice cell, x and y.
-struct Spreads {
-    cols: usize,
-    cells: Vec<[Spread; 2]>,
-    /// Rows of cells in which something is spread.
-    rows: Vec<bool>,
+/// What the pixels of a cell are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// Interpolated.
+    Plain,
+    /// The mean of one pair of samples along each axis.
+    Pair,
+    /// The mean of more.
+    Many,
+}
+
+/// Spread of every lattice cell, x and y, row by row; none of rows in which nothing is spread.
+pub(super) struct Spreads {
+    rows: Vec<Vec<[Spread; 2]>>,
+}
+
+/// The length of a vector; `hypot` takes care of ranges that scales do not have, at ten times the time.
+fn length(x: f32, y: f32) -> f32 {
+    (x * x + y * y).sqrt()
 }
 
 impl Spreads {
@@ -80,20 +102,168 @@ impl Spreads {
         let step = lattice.step() as f32;
         let cell = |k: usize, l: usize| {
             let (top, bottom) = (lattice.row(l), lattice.row(l + 1));
-            let half = |a: [f32; 2], b: [f32; 2], c: [f32; 2], d: [f32; 2]| {
-                [0, 1].map(|i| 0.5 * ((b[i] - a[i]) + (d[i] - c[i])) / step)
+            let half = |a: [f32; 2], b: [f32; 2], c: [f32; 2], d: [f32; 2], i: usize| {
+                0.5 * ((b[i] - a[i]) + (d[i] - c[i])) / step
             };
-            let [dx, dy] = half(top[k], top[k + 1], bottom[k], bottom[k + 1]);
-            let [ex, ey] = half(top[k], bottom[k], top[k + 1], bottom[k + 1]);
-            [Spread::of((1.0 + dx).hypot(dy)), Spread::of(ex.hypot(1.0 + ey))]
+            let along = |i: usize| half(top[k], top[k + 1], bottom[k], bottom[k + 1], i);
+            let down = |i: usize| half(top[k], bottom[k], top[k + 1], bottom[k + 1], i);
+            [Spread::of(length(1.0 + along(0), down(0))), Spread::of(length(along(1), 1.0 + down(1)))]
         };
-        let cells: Vec<[Spread; 2]> = (0..rows * cols).map(|i| cell(i % cols, i / cols)).collect();
-        let rows = cells.chunks(cols).map(|row| row.iter().any(|[x, y]| x.count * y.count > 1)).collect();
-        Self { cols, cells, rows }
+        let row = |l: usize| -> Vec<[Spread; 2]> {
+            let cells: Vec<_> = (0..cols).map(|k| cell(k, l)).collect();
+            // Of most rows of most pictures nothing is kept.
+            if cells.iter().all(|cell| Self::kind(cell) == Kind::Plain) { Vec::new() } else { cells }
+        };
+        Self { rows: (0..rows).into_par_iter().map(row).collect() }
     }
 
     fn any(&self) -> bool {
-        self.rows.contains(&true)
+        self.rows.iter().any(|row| !row.is_empty())
+    }
+
+    fn kind(cell: &[Spread; 2]) -> Kind {
+        match cell {
+            [x, y] if x.pairs > 1 || y.pairs > 1 => Kind::Many,
+            [x, y] if x.rows > 0 || y.rows > 0 => Kind::Pair,
+            _ => Kind::Plain,
+        }
+    }
+
+    /// The row of cells of output row `j`.
+    fn row_of(lattice: &Lattice, j: usize) -> usize {
+        (j / lattice.step()).min(lattice.points().1 - 2)
+    }
+
+    /// Something is spread in output row `j`.
+    pub(super) fn any_in(&self, lattice: &Lattice, j: usize) -> bool {
+        !self.rows[Self::row_of(lattice, j)].is_empty()
+    }
+
+    /// Samples output row `j`, whose positions are in `scratch`.
+    pub(super) fn row<S: Kernels>(
+        &self,
+        job: &Job<'_>,
+        sources: &[Source<'_, S>],
+        j: usize,
+        scratch: &mut Scratch<S>,
+        outs: &mut [&mut [S]],
+    ) {
+        let (step, width) = (job.lattice.step(), scratch.xs.len());
+        let cells = &self.rows[Self::row_of(job.lattice, j)][..];
+        let mut from = 0;
+        while from < cells.len() {
+            let kind = Self::kind(&cells[from]);
+            let count = cells[from..].iter().take_while(|cell| Self::kind(cell) == kind).count();
+            let run = &cells[from..from + count];
+            let (start, end) = ((from * step).min(width), ((from + count) * step).min(width));
+            let mut parts: Vec<&mut [S]> = outs.iter_mut().map(|out| &mut out[start..end]).collect();
+            match kind {
+                Kind::Plain => {
+                    let at = (&scratch.xs[start..end], &scratch.ys[start..end]);
+                    job.renderer.instructions.sample(&job.renderer.tables, sources, at, &mut parts);
+                }
+                Kind::Pair => scratch.pairs(job, sources, (start, run), &mut parts),
+                Kind::Many => scratch.many(job, sources, (start, run), &mut parts),
+            }
+            from += count;
+        }
+    }
+}
+
+/// Memory for a row of samples.
+pub(super) struct Scratch<S> {
+    /// Source positions, units of 1/256 px.
+    pub(super) xs: Vec<i32>,
+    pub(super) ys: Vec<i32>,
+    /// First rows of the weights of their pairs.
+    across: Vec<u16>,
+    down: Vec<u16>,
+    /// Of a cell: samples of each plane, and their sums.
+    samples: Vec<[S; MAX_CELL_PX]>,
+    sums: Vec<[u32; MAX_CELL_PX]>,
+}
+
+impl<S: Sample> Scratch<S> {
+    /// For so many px and planes.
+    pub(super) fn new(width: usize, planes: usize) -> Self {
+        Self {
+            xs: vec![0; width],
+            ys: vec![0; width],
+            across: vec![0; width],
+            down: vec![0; width],
+            samples: vec![[S::default(); MAX_CELL_PX]; planes],
+            sums: vec![[0; MAX_CELL_PX]; planes],
+        }
+    }
+}
+
+impl<S: Kernels> Scratch<S> {
+    /// Cells from px `start` on in which one pair of samples per axis is averaged.
+    fn pairs(
+        &mut self,
+        job: &Job<'_>,
+        sources: &[Source<'_, S>],
+        (start, cells): (usize, &[[Spread; 2]]),
+        outs: &mut [&mut [S]],
+    ) {
+        let end = (start + cells.len() * job.lattice.step()).min(self.xs.len());
+        let (across, down) = (&mut self.across[start..end], &mut self.down[start..end]);
+        let (step, parts) = (job.lattice.step(), cells.iter());
+        for ((across, down), cell) in across.chunks_mut(step).zip(down.chunks_mut(step)).zip(parts) {
+            across.fill(cell[0].rows);
+            down.fill(cell[1].rows);
+        }
+        let pairs = Pairs { table: job.renderer.pair_table(), across, down };
+        let at = (&self.xs[start..end], &self.ys[start..end]);
+        job.renderer.instructions.sample_pairs(&pairs, sources, at, outs);
+    }
+
+    /// Cells from px `start` on in which more are.
+    fn many(
+        &mut self,
+        job: &Job<'_>,
+        sources: &[Source<'_, S>],
+        (start, cells): (usize, &[[Spread; 2]]),
+        outs: &mut [&mut [S]],
+    ) {
+        let step = job.lattice.step();
+        for (k, cell) in cells.iter().enumerate() {
+            let first = start + k * step;
+            let count = step.min(self.xs.len() - first);
+            self.cell(job, sources, (first, count), *cell);
+            let of = u32::from(cell[0].pairs) * u32::from(cell[1].pairs);
+            for (out, sums) in outs.iter_mut().zip(&self.sums) {
+                let mean = |sum: &u32| S::from_i32(((sum + of / 2) / of) as i32);
+                out[k * step..][..count].iter_mut().zip(sums).for_each(|(out, sum)| *out = mean(sum));
+            }
+        }
+    }
+
+    /// The sums of the samples of `count` pixels from px `first` on.
+    fn cell(
+        &mut self,
+        job: &Job<'_>,
+        sources: &[Source<'_, S>],
+        (first, count): (usize, usize),
+        [across, down]: [Spread; 2],
+    ) {
+        let Renderer { instructions, .. } = job.renderer;
+        let rows = [across, down].map(|spread| [spread.rows; MAX_CELL_PX]);
+        let pairs = Pairs { table: job.renderer.pair_table(), across: &rows[0][..count], down: &rows[1][..count] };
+        let (xs, ys) = (&self.xs[first..first + count], &self.ys[first..first + count]);
+        let (mut moved_xs, mut moved_ys) = ([0; MAX_CELL_PX], [0; MAX_CELL_PX]);
+        self.sums.iter_mut().for_each(|sums| sums.fill(0));
+        for b in 0..down.pairs {
+            moved_ys.iter_mut().zip(ys).for_each(|(to, y)| *to = y + down.offset(b));
+            for a in 0..across.pairs {
+                moved_xs.iter_mut().zip(xs).for_each(|(to, x)| *to = x + across.offset(a));
+                let mut outs: Vec<&mut [S]> = self.samples.iter_mut().map(|samples| &mut samples[..count]).collect();
+                instructions.sample_pairs(&pairs, sources, (&moved_xs[..count], &moved_ys[..count]), &mut outs);
+                for (sums, samples) in self.sums.iter_mut().zip(&self.samples) {
+                    sums.iter_mut().zip(samples).for_each(|(sum, v)| *sum += v.to_i32() as u32);
+                }
+            }
+        }
     }
 }
 
@@ -110,110 +280,10 @@ impl Renderer {
         dst: &mut Frame,
         run: &Run,
     ) -> Result<(), RenderError> {
-        check(src, lattice, dst)?;
-        self.render_planes(src, lattice, dst, run)?;
         let spreads = Spreads::of(lattice);
-        if !spreads.any() {
-            return Ok(());
-        }
-        let full_size = |i: &usize| src.format.subsampling(*i) == (0, 0);
-        for i in (0..src.format.planes()).filter(full_size) {
-            let (job, black) = self.job(src, lattice, i);
-            let (bits, border) = (src.format.bits, self.border);
-            let means = Means { job, lattice, spreads: &spreads };
-            let unreadable = RenderError::Plane { plane: i, role: "source" };
-            let unwritable = RenderError::Plane { plane: i, role: "destination" };
-            if src.format.bytes_per_sample() == 1 {
-                let plane = src.plane8(i).ok_or(unreadable)?;
-                means.run(&Source::new(plane, border, black, bits), dst.plane8_mut(i).ok_or(unwritable)?, run)?;
-            } else {
-                let plane = src.plane16(i).ok_or(unreadable)?;
-                means.run(&Source::new(plane, border, black, bits), dst.plane16_mut(i).ok_or(unwritable)?, run)?;
-            }
-        }
-        Ok(())
+        self.render_planes(src, lattice, dst, Some(&spreads).filter(|spreads| spreads.any()), run)
     }
 }
-
-/// One plane, in which cells that shrink are rendered again.
-struct Means<'a> {
-    job: Job<'a>,
-    lattice: &'a Lattice,
-    spreads: &'a Spreads,
-}
-
-impl Means<'_> {
-    fn run<S: Kernels>(&self, source: &Source<'_, S>, dst: PlaneMut<'_, S>, run: &Run) -> Result<(), Stopped> {
-        let (width, height) = (dst.width(), dst.height());
-        let (data, stride) = dst.into_data();
-        let end = data.len().min(height * stride);
-        data[..end].par_chunks_mut(stride * ROWS_PER_TASK).enumerate().try_for_each(|(task, rows)| {
-            run.check()?;
-            for (j, row) in (task * ROWS_PER_TASK..).zip(rows.chunks_mut(stride)) {
-                self.row(source, j, &mut row[..width]);
-            }
-            Ok(())
-        })
-    }
-
-    fn row<S: Kernels>(&self, source: &Source<'_, S>, j: usize, row: &mut [S]) {
-        let step = self.lattice.step();
-        let l = (j / step).min(self.lattice.points().1 - 2);
-        if !self.spreads.rows[l] {
-            return;
-        }
-        let cells = &self.spreads.cells[l * self.spreads.cols..][..self.spreads.cols];
-        for (k, (out, spread)) in row.chunks_mut(step).zip(cells).enumerate() {
-            if spread[0].count * spread[1].count > 1 {
-                self.cell(source, (k, l, j), *spread, out);
-            }
-        }
-    }
-
-    /// The part of row `j` in cell `(k, l)`.
-    fn cell<S: Kernels>(
-        &self,
-        source: &Source<'_, S>,
-        (k, l, j): (usize, usize, usize),
-        [across, down]: [Spread; 2],
-        out: &mut [S],
-    ) {
-        let mut sums = [0_u32; MAX_CELL_PX];
-        let (mut xs, mut ys) = ([0_i32; MAX_CELL_PX], [0_i32; MAX_CELL_PX]);
-        let mut samples = [S::default(); MAX_CELL_PX];
-        let count = out.len();
-        for b in 0..down.count {
-            for a in 0..across.count {
-                let offset = [across.offset(a), down.offset(b)];
-                self.positions((k, l, j), offset, &mut xs[..count], &mut ys[..count]);
-                self.job.sample(source, (&xs[..count], &ys[..count]), &mut samples[..count]);
-                sums.iter_mut().zip(&samples[..count]).for_each(|(sum, v)| *sum += v.to_i32() as u32);
-            }
-        }
-        let of = across.count * down.count;
-        out.iter_mut().zip(sums).for_each(|(v, sum)| *v = S::from_i32(((sum + of / 2) / of) as i32));
-    }
-
-    /// Source positions of the pixels of row `j` in cell `(k, l)`, moved by `offset` output px.
-    fn positions(&self, (k, l, j): (usize, usize, usize), offset: [f32; 2], xs: &mut [i32], ys: &mut [i32]) {
-        let step = self.lattice.step();
-        let t = (j as f32 + 0.5 + offset[1]) / step as f32 - l as f32;
-        let (top, bottom) = (self.lattice.row(l), self.lattice.row(l + 1));
-        let at = |k: usize| [0, 1].map(|i| top[k][i] + (bottom[k][i] - top[k][i]) * t);
-        let (left, right) = (at(k), at(k + 1));
-        let slope = [right[0] - left[0], right[1] - left[1]];
-        if !(slope[0].is_finite() && slope[1].is_finite()) {
-            xs.fill(NOWHERE);
-            ys.fill(NOWHERE);
-            return;
-        }
-        let (phase, share) = ((0.5 + offset[0]) / step as f32, 1.0 / step as f32);
-        Line::new(left[0] + offset[0], slope[0], phase, share, unit(0)).write(xs, (k * step) as i32, 1);
-        Line::new(left[1] + offset[1], slope[1], phase, share, unit(0)).write(ys, j as i32, 0);
-    }
-}
-
-const _: () = assert!(PHASE_BITS == 8, "offsets of samples are below a pixel");
 
 #[cfg(test)]
 mod tests {

@@ -1,29 +1,34 @@
-//! AVX2 kernels: eight samples of an output row at a time.
+//! AVX2 kernels: eight samples of an output row at a time, of all planes that are sampled at the same positions.
 //!
-//! Positions along a row advance by nearly one pixel, so the taps of eight neighbors lie in a strip of some 16 source
-//! samples in `N` rows, or `N + 1` where the row of positions crosses into the next source row. A row of the strip is
+//! Positions along a row advance by about one pixel, so the taps of four neighbors are in a strip of some 8 source
+//! samples in `N` rows, or `N + 1` where the row of positions crosses into the next source row. Each half of a block has a strip of its
+//! own. A row of the strips is
 //! loaded once per pair of taps, two samples further each time, and *shuffled* by the same offsets into that pair of all eight
-//! samples; one `pmaddwd` weights it. That is one load and one shuffle where a gather costs eight loads, and the sums of the
-//! pairs stand in the order of the samples, so that plain additions finish the row. Blocks that reach over the border take the strip from a small copy with the border resolved; blocks
-//! that do not fit a strip (minification beyond 1.5, rotation beyond 7°, mirrored) fall back to the scalar code.
+//! samples; one `pmaddwd` weights it. That is two loads and one shuffle where a gather costs eight loads, and the sums of the
+//! pairs are in the order of the samples, so that plain additions finish the row. Weights and offsets are the same for every
+//! plane. Blocks that reach over the border take the strips from a small copy with the border resolved; blocks
+//! that do not fit strips (8-bit samples: minification beyond 4.6, 16-bit ones: beyond 2; rotation beyond 14°; mirrored) fall back to the
+//! scalar code.
 //!
-//! The arithmetic is that of [`Source::sample`]: rows in `i32`, columns in `f32` in the order of the rows. In blocks of
+//! The arithmetic is that of [`Source::sample_row`]: rows in `i32`, columns in `f32` in the order of the rows. In blocks of
 //! `N + 1` rows each sample gives weight 0 to the row it does not use, and adding zero changes nothing: results are equal
 //! bit for bit.
 #![allow(unsafe_code)] // SIMD loads through raw pointers; each proves its bounds.
 #![allow(clippy::wildcard_imports)] // fifty intrinsics under their own names
 
 use std::arch::x86_64::*;
+use std::mem::MaybeUninit;
 
-use super::kernel::{PHASE_BITS, PHASES, Table, UNIT, taps};
+use super::kernel::{PHASE_BITS, Table, UNIT, taps};
 use super::scan::Siting;
-use super::source::{Sample, Source};
+use super::source::{Sample, Source, Taps};
 use crate::warp::Lattice;
 
-/// Samples per block.
+/// Samples per block, and per half of it.
 const LANES: usize = 8;
-/// Samples of a strip row that a kernel may load: 12 or 14 for the offsets of the taps, and a vector's overhang.
-const STRIP: usize = 24;
+const HALF: usize = LANES / 2;
+/// Samples of a strip row that a kernel may load: a vector, and 4 for the last pair of taps.
+const STRIP: usize = 20;
 /// Pairs of taps of the largest kernel.
 const PAIRS: usize = 3;
 /// Rows of the largest strip: six taps and one row more.
@@ -35,10 +40,6 @@ const STRIP_ROWS: usize = 7;
 fn at_most(v: __m256i, limit: i32) -> bool {
     let clamped = _mm256_min_epu32(v, _mm256_set1_epi32(limit));
     _mm256_movemask_epi8(_mm256_cmpeq_epi32(clamped, v)) == -1
-}
-
-fn phase(position: i32) -> usize {
-    position as usize % PHASES
 }
 
 /// Both 16-bit weights of each lane, low half first, as `f32`.
@@ -53,15 +54,15 @@ fn split(pairs: __m256i) -> [__m256; 2] {
 trait Weights: Sized {
     /// # Safety
     /// AVX2.
-    unsafe fn pairs(&self, at: &[i32; LANES]) -> [__m256i; PAIRS];
+    unsafe fn pairs(rows: [&Self; LANES]) -> [__m256i; PAIRS];
 }
 
-impl Weights for Table<4> {
+impl Weights for [i16; 4] {
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn pairs(&self, at: &[i32; LANES]) -> [__m256i; PAIRS] {
-        // SAFETY: a row of the table is 8 bytes long, and so is the load.
-        let row = |j: usize| unsafe { _mm_loadl_epi64(self[phase(at[j])].as_ptr().cast()) };
+    unsafe fn pairs(rows: [&Self; LANES]) -> [__m256i; PAIRS] {
+        // SAFETY: a row is 8 bytes long, and so is the load.
+        let row = |j: usize| unsafe { _mm_loadl_epi64(rows[j].as_ptr().cast()) };
         let two = |j: usize| _mm_unpacklo_epi64(row(j), row(j + 1));
         let four = |j: usize| _mm256_castsi256_ps(_mm256_set_m128i(two(j + 4), two(j)));
         let (a, b) = (four(0), four(2));
@@ -73,12 +74,12 @@ impl Weights for Table<4> {
     }
 }
 
-impl Weights for Table<8> {
+impl Weights for [i16; 8] {
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn pairs(&self, at: &[i32; LANES]) -> [__m256i; PAIRS] {
-        // SAFETY: a row of the table is 16 bytes long, and so is the load.
-        let row = |j: usize| unsafe { _mm_loadu_si128(self[phase(at[j])].as_ptr().cast()) };
+    unsafe fn pairs(rows: [&Self; LANES]) -> [__m256i; PAIRS] {
+        // SAFETY: a row is 16 bytes long, and so is the load.
+        let row = |j: usize| unsafe { _mm_loadu_si128(rows[j].as_ptr().cast()) };
         let two = |j: usize| _mm256_set_m128i(row(j + 4), row(j));
         let (a, b, c, d) = (two(0), two(1), two(2), two(3));
         let (low0, low1) = (_mm256_unpacklo_epi32(a, b), _mm256_unpacklo_epi32(c, d));
@@ -87,198 +88,290 @@ impl Weights for Table<8> {
     }
 }
 
-/// How pairs of neighboring samples are taken from a strip row.
-struct Shuffle {
-    /// Bytes of each lane's pair within its half.
-    bytes: __m256i,
-    /// First sample of the upper half.
-    upper: usize,
-    bias: __m256i,
-}
-
 /// Loads pairs of samples as pairs of 16-bit numbers.
 trait Pairs: Sample {
-    /// For samples whose taps start `offsets` behind the start of the strip; `None` where these reach too far.
+    /// Largest offset within a half, so that the pair there is within a vector.
+    const MAX_OFFSET: i32;
+
+    /// Bytes of each lane's pair within its half, whose taps start `offsets` behind the start of its strip.
     ///
     /// # Safety
     /// AVX2.
-    unsafe fn shuffle(offsets: __m256i, bias: i32) -> Option<Shuffle>;
+    unsafe fn shuffle(offsets: __m256i) -> __m256i;
 
-    /// The pair of each sample, from its offset behind `row` on.
+    /// The pair of each sample, from its offset behind `lower` and `upper` on, the halves' strips.
     ///
     /// # Safety
-    /// AVX2, and `row` valid for reads of `STRIP − 4` samples.
-    unsafe fn pair(shuffle: &Shuffle, row: *const Self) -> __m256i;
+    /// AVX2, and both valid for reads of `STRIP − 4` samples.
+    unsafe fn pair(shuffle: __m256i, bias: __m256i, lower: *const Self, upper: *const Self) -> __m256i;
+
+    /// Eight values within the type's range.
+    ///
+    /// # Safety
+    /// AVX2.
+    unsafe fn stored(values: __m256i) -> [Self; LANES];
+}
+
+/// 16 bytes from each of two addresses.
+///
+/// # Safety
+/// Both valid for such reads.
+#[target_feature(enable = "avx2")]
+#[inline]
+unsafe fn halves<S>(lower: *const S, upper: *const S) -> __m256i {
+    // SAFETY: as the caller promises.
+    unsafe { _mm256_loadu2_m128i(upper.cast(), lower.cast()) }
 }
 
 impl Pairs for u8 {
+    const MAX_OFFSET: i32 = 14;
+
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn shuffle(offsets: __m256i, _: i32) -> Option<Shuffle> {
+    unsafe fn shuffle(offsets: __m256i) -> __m256i {
         let first = _mm256_mullo_epi32(offsets, _mm256_set1_epi32(0x0001_0001));
-        let bytes = _mm256_add_epi32(first, _mm256_set1_epi32(i32::from_le_bytes([0, 0x80, 1, 0x80])));
-        at_most(offsets, 14).then_some(Shuffle { bytes, upper: 0, bias: _mm256_setzero_si256() })
+        _mm256_add_epi32(first, _mm256_set1_epi32(i32::from_le_bytes([0, 0x80, 1, 0x80])))
     }
 
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn pair(shuffle: &Shuffle, row: *const Self) -> __m256i {
+    unsafe fn pair(shuffle: __m256i, _: __m256i, lower: *const Self, upper: *const Self) -> __m256i {
         // SAFETY: 16 samples, of which offsets up to 14 use all.
-        let strip = unsafe { _mm256_broadcastsi128_si256(_mm_loadu_si128(row.cast())) };
-        _mm256_shuffle_epi8(strip, shuffle.bytes)
+        _mm256_shuffle_epi8(unsafe { halves(lower, upper) }, shuffle)
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    unsafe fn stored(values: __m256i) -> [Self; LANES] {
+        let packed = _mm_packus_epi16(words(values), words(values));
+        _mm_cvtsi128_si64(packed).to_le_bytes()
     }
 }
 
 impl Pairs for u16 {
+    const MAX_OFFSET: i32 = 6;
+
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn shuffle(offsets: __m256i, bias: i32) -> Option<Shuffle> {
-        // Each half holds the eight words from its first lane's on.
-        let within = _mm256_sub_epi32(offsets, _mm256_shuffle_epi32::<0>(offsets));
-        let first = _mm256_mullo_epi32(within, _mm256_set1_epi32(0x0202_0202));
-        let bytes = _mm256_add_epi32(first, _mm256_set1_epi32(i32::from_le_bytes([0, 1, 2, 3])));
-        let upper = _mm256_extract_epi32::<4>(offsets) as usize;
-        let bias = _mm256_set1_epi16(bias as i16);
-        (at_most(offsets, 12) && at_most(within, 6)).then_some(Shuffle { bytes, upper, bias })
+    unsafe fn shuffle(offsets: __m256i) -> __m256i {
+        let first = _mm256_mullo_epi32(offsets, _mm256_set1_epi32(0x0202_0202));
+        _mm256_add_epi32(first, _mm256_set1_epi32(i32::from_le_bytes([0, 1, 2, 3])))
     }
 
     #[target_feature(enable = "avx2")]
     #[inline]
-    unsafe fn pair(shuffle: &Shuffle, row: *const Self) -> __m256i {
-        // SAFETY: 8 samples from offset 0 and 8 from `upper` ≤ 12, which is `STRIP − 4` in all.
-        let (low, high) = unsafe { (_mm_loadu_si128(row.cast()), _mm_loadu_si128(row.add(shuffle.upper).cast())) };
-        _mm256_shuffle_epi8(_mm256_xor_si256(_mm256_set_m128i(high, low), shuffle.bias), shuffle.bytes)
+    unsafe fn pair(shuffle: __m256i, bias: __m256i, lower: *const Self, upper: *const Self) -> __m256i {
+        // SAFETY: 8 samples, of which offsets up to 6 use all.
+        _mm256_shuffle_epi8(_mm256_xor_si256(unsafe { halves(lower, upper) }, bias), shuffle)
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    unsafe fn stored(values: __m256i) -> [Self; LANES] {
+        let mut out = [0; LANES];
+        // SAFETY: 16 bytes into an array of 16 bytes.
+        unsafe { _mm_storeu_si128(out.as_mut_ptr().cast(), words(values)) };
+        out
     }
 }
 
-/// Where the taps of a block lie in the source.
-struct Strip {
-    x: i32,
-    y: i32,
+/// Where the taps of a block are in the source.
+struct Strips {
+    /// First sample and row of each half.
+    starts: [(i32, i32); 2],
+    /// Per lane, samples from the start of its half's strip.
     offsets: __m256i,
-    /// Per lane, 1 where the taps start a row below `y`.
+    /// Per lane, 1 where the taps start a row below that of the strip.
     rows: __m256i,
 }
 
-impl Strip {
-    /// The strip of a block of positions; `None` where it would need more than one row more than the kernel.
+impl Strips {
+    /// The strips of a block of positions; `None` where they would be longer than a vector, or need more than one row more than the
+    /// kernel.
     #[target_feature(enable = "avx2")]
     #[inline]
-    fn of<const N: usize>(xs: &[i32; LANES], ys: &[i32; LANES]) -> Option<Self> {
+    fn of<S: Pairs, const N: usize>(xs: &[i32; LANES], ys: &[i32; LANES]) -> Option<Self> {
         let before = taps(N) as i32 / 2 - 1;
         // SAFETY: 32 bytes from arrays of 32 bytes.
         let (x, y) = unsafe { (_mm256_loadu_si256(xs.as_ptr().cast()), _mm256_loadu_si256(ys.as_ptr().cast())) };
         let (x, y) = (_mm256_srai_epi32::<{ PHASE_BITS as i32 }>(x), _mm256_srai_epi32::<{ PHASE_BITS as i32 }>(y));
-        let (x0, y0) = (xs[0] >> PHASE_BITS, ys[0].min(ys[LANES - 1]) >> PHASE_BITS);
-        let offsets = _mm256_sub_epi32(x, _mm256_set1_epi32(x0));
-        let rows = _mm256_sub_epi32(y, _mm256_set1_epi32(y0));
-        at_most(rows, 1).then_some(Self { x: x0 - before, y: y0 - before, offsets, rows })
+        let first = |at: usize| (xs[at] >> PHASE_BITS, ys[at].min(ys[at + HALF - 1]) >> PHASE_BITS);
+        let ((x0, y0), (x1, y1)) = (first(0), first(HALF));
+        let both = |lower: i32, upper: i32| _mm256_set_m128i(_mm_set1_epi32(upper), _mm_set1_epi32(lower));
+        let (offsets, rows) = (_mm256_sub_epi32(x, both(x0, x1)), _mm256_sub_epi32(y, both(y0, y1)));
+        let fits = at_most(rows, 1) && at_most(offsets, S::MAX_OFFSET);
+        let starts = [(x0 - before, y0 - before), (x1 - before, y1 - before)];
+        fits.then_some(Self { starts, offsets, rows })
     }
 
-    /// The whole strip lies inside a plane.
+    /// Both strips are inside a plane.
     fn inside(&self, width: usize, height: usize) -> bool {
         let fits = |at: i32, size: usize, n: usize| at >= 0 && at as usize + size <= n;
-        fits(self.x, STRIP, width) && fits(self.y, STRIP_ROWS, height)
+        self.starts.iter().all(|&(x, y)| fits(x, STRIP, width) && fits(y, STRIP_ROWS, height))
     }
 }
 
-/// Weighted sums of eight samples along a row, in their order.
-///
-/// # Safety
-/// `row` valid for reads of [`STRIP`] samples.
-#[target_feature(enable = "avx2")]
-#[inline]
-unsafe fn row<S: Pairs, const N: usize>(shuffle: &Shuffle, weights: &[__m256i; PAIRS], row: *const S) -> __m256i {
-    // SAFETY: `p` ≤ 2, so that `STRIP − 4` samples are left behind `row + 2p`.
-    let sum = |p: usize| unsafe { _mm256_madd_epi16(S::pair(shuffle, row.add(2 * p)), weights[p]) };
-    let four = _mm256_add_epi32(sum(0), sum(1));
-    if taps(N) == 4 { four } else { _mm256_add_epi32(four, sum(2)) }
+/// What the planes of a block have in common.
+struct Weighting {
+    shuffle: __m256i,
+    along: [__m256i; PAIRS],
+    down: [__m256; 2 * PAIRS],
+    /// All bits set in lanes whose taps start a row below those of their strip; whether there are any.
+    level: __m256,
+    is_level: bool,
 }
 
-/// Sums down the columns: values of eight samples, bias not yet added.
-///
-/// # Safety
-/// `strip` valid for reads of [`STRIP`] samples in each of `taps(N)` rows, `stride` apart, and one row more where a lane
-/// of `rows` is 1.
-#[target_feature(enable = "avx2")]
-#[inline]
-unsafe fn columns<S: Pairs, const N: usize>(
-    shuffle: &Shuffle,
-    [along, down]: [&[__m256i; PAIRS]; 2],
-    rows: __m256i,
-    (strip, stride): (*const S, usize),
-) -> __m256i {
-    // SAFETY: rows 0 to `taps(N)` only, as the caller promises.
-    let row = |r: usize| unsafe { _mm256_cvtepi32_ps(row::<S, N>(shuffle, along, strip.add(r * stride))) };
-    let ([w0, w1], [w2, w3], [w4, w5]) = (split(down[0]), split(down[1]), split(down[2]));
-    let weights = [w0, w1, w2, w3, w4, w5];
-    let mut sum = _mm256_setzero_ps();
-    let level = _mm256_castsi256_ps(_mm256_cmpgt_epi32(rows, _mm256_setzero_si256()));
-    if _mm256_movemask_ps(level) == 0 {
-        for (r, &weight) in weights[..taps(N)].iter().enumerate() {
-            sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), weight));
-        }
-    } else {
-        for r in 0..=taps(N) {
-            let zero = _mm256_setzero_ps();
-            let own = if r < taps(N) { weights[r] } else { zero };
-            let above = if r > 0 { weights[r - 1] } else { zero };
-            sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), _mm256_blendv_ps(own, above, level)));
-        }
+impl Weighting {
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn new<S: Pairs, const N: usize>(strips: &Strips, across: [&[i16; N]; LANES], down: [&[i16; N]; LANES]) -> Self
+    where
+        [i16; N]: Weights,
+    {
+        // SAFETY: AVX2 by this function's own feature.
+        let (shuffle, along, down) =
+            unsafe { (S::shuffle(strips.offsets), <[i16; N]>::pairs(across), <[i16; N]>::pairs(down)) };
+        let ([w0, w1], [w2, w3], [w4, w5]) = (split(down[0]), split(down[1]), split(down[2]));
+        let level = _mm256_castsi256_ps(_mm256_cmpgt_epi32(strips.rows, _mm256_setzero_si256()));
+        let is_level = _mm256_movemask_ps(level) == 0;
+        Self { shuffle, along, down: [w0, w1, w2, w3, w4, w5], level, is_level }
     }
-    _mm256_cvtps_epi32(_mm256_mul_ps(sum, _mm256_set1_ps(UNIT)))
+
+    /// Weighted sums of eight samples along a row, in their order.
+    ///
+    /// # Safety
+    /// Both valid for reads of [`STRIP`] samples.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    unsafe fn row<S: Pairs, const N: usize>(&self, bias: __m256i, [lower, upper]: [*const S; 2]) -> __m256 {
+        let sum = |p: usize| {
+            // SAFETY: `p` ≤ 2, so that `STRIP − 4` samples are left behind `2p`.
+            let pair = unsafe { S::pair(self.shuffle, bias, lower.add(2 * p), upper.add(2 * p)) };
+            _mm256_madd_epi16(pair, self.along[p])
+        };
+        let four = _mm256_add_epi32(sum(0), sum(1));
+        _mm256_cvtepi32_ps(if taps(N) == 4 { four } else { _mm256_add_epi32(four, sum(2)) })
+    }
+
+    /// Sums down the columns: values of eight samples, bias not yet added.
+    ///
+    /// # Safety
+    /// Both valid for reads of [`STRIP`] samples in each of `taps(N)` rows, `stride` apart, and one row more where a lane
+    /// is not level.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    unsafe fn columns<S: Pairs, const N: usize>(&self, bias: __m256i, strips: [*const S; 2], stride: usize) -> __m256i {
+        // SAFETY: rows 0 to `taps(N)` only, as the caller promises.
+        let row = |r: usize| unsafe { self.row::<S, N>(bias, [strips[0].add(r * stride), strips[1].add(r * stride)]) };
+        let mut sum = _mm256_setzero_ps();
+        if self.is_level {
+            for (r, &weight) in self.down[..taps(N)].iter().enumerate() {
+                sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), weight));
+            }
+        } else {
+            for r in 0..=taps(N) {
+                let zero = _mm256_setzero_ps();
+                let own = if r < taps(N) { self.down[r] } else { zero };
+                let above = if r > 0 { self.down[r - 1] } else { zero };
+                sum = _mm256_add_ps(sum, _mm256_mul_ps(row(r), _mm256_blendv_ps(own, above, self.level)));
+            }
+        }
+        _mm256_cvtps_epi32(_mm256_mul_ps(sum, _mm256_set1_ps(UNIT)))
+    }
+
+    /// The values of eight samples of a plane.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn sample<S: Pairs, const N: usize>(&self, source: &Source<'_, S>, strips: &Strips) -> __m256i {
+        let (plane, bias) = (source.plane, _mm256_set1_epi16(source.bias as i16));
+        let mut patches = MaybeUninit::uninit();
+        let (starts, stride) = if strips.inside(plane.width(), plane.height()) {
+            let at = |(x, y): (i32, i32)| plane.data()[y as usize * plane.stride() + x as usize..].as_ptr();
+            ([at(strips.starts[0]), at(strips.starts[1])], plane.stride())
+        } else {
+            let patches: &Patches<S> = patches.write(patches_of(source, strips.starts));
+            (patches.each_ref().map(|patch| patch.as_flattened().as_ptr()), STRIP)
+        };
+        // SAFETY: `inside` holds for STRIP samples in STRIP_ROWS rows, more than any kernel reads, and patches have as many; they live
+        // to the end of this function.
+        let sums = unsafe { self.columns::<S, N>(bias, starts, stride) };
+        let value = _mm256_add_epi32(sums, _mm256_set1_epi32(source.bias));
+        _mm256_min_epi32(_mm256_max_epi32(value, _mm256_setzero_si256()), _mm256_set1_epi32(source.max))
+    }
 }
 
-/// One block; `None` where it does not fit a strip.
+/// Copies of both strips.
+type Patches<S> = [[[S; STRIP]; STRIP_ROWS]; 2];
+
+/// Both strips with the border resolved.
+#[cold]
+fn patches_of<S: Pairs>(source: &Source<'_, S>, starts: [(i32, i32); 2]) -> Patches<S> {
+    starts.map(|(x, y)| {
+        let mut patch = [[S::default(); STRIP]; STRIP_ROWS];
+        source.copy_patch(x, y, &mut patch);
+        patch
+    })
+}
+
+/// The values of eight samples of every plane, handed to `put` with the index of the plane. `weights` are those along x and y.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn block<S: Pairs, const N: usize>(
-    source: &Source<'_, S>,
-    table: &Table<N>,
-    xs: &[i32; LANES],
-    ys: &[i32; LANES],
-) -> Option<__m256i>
-where
-    Table<N>: Weights,
+    sources: &[Source<'_, S>],
+    weights: [[&[i16; N]; LANES]; 2],
+    (xs, ys): (&[i32; LANES], &[i32; LANES]),
+    mut put: impl FnMut(usize, [S; LANES]),
+) where
+    [i16; N]: Weights,
 {
-    let strip = Strip::of::<N>(xs, ys)?;
-    // SAFETY: AVX2 by this function's own feature.
-    let (shuffle, along, down) = unsafe { (S::shuffle(strip.offsets, source.bias)?, table.pairs(xs), table.pairs(ys)) };
-    let (plane, weights) = (source.plane, [&along, &down]);
-    let sums = if strip.inside(plane.width(), plane.height()) {
-        let start = &plane.data()[strip.y as usize * plane.stride() + strip.x as usize..];
-        // SAFETY: `inside` holds for STRIP samples in STRIP_ROWS rows, more than any kernel reads.
-        unsafe { columns::<S, N>(&shuffle, weights, strip.rows, (start.as_ptr(), plane.stride())) }
+    let [across, down] = weights;
+    if let Some(strips) = Strips::of::<S, N>(xs, ys) {
+        let weighting = Weighting::new::<S, N>(&strips, across, down);
+        for (k, source) in sources.iter().enumerate() {
+            // SAFETY: AVX2 by this function's own feature.
+            put(k, unsafe { S::stored(weighting.sample::<S, N>(source, &strips)) });
+        }
     } else {
-        let mut patch = [[S::default(); STRIP]; STRIP_ROWS];
-        source.copy_patch(strip.x, strip.y, &mut patch);
-        // SAFETY: the patch has STRIP samples in STRIP_ROWS rows.
-        unsafe { columns::<S, N>(&shuffle, weights, strip.rows, (patch.as_flattened().as_ptr(), STRIP)) }
-    };
-    let value = _mm256_add_epi32(sums, _mm256_set1_epi32(source.bias));
-    Some(_mm256_min_epi32(_mm256_max_epi32(value, _mm256_setzero_si256()), _mm256_set1_epi32(source.max)))
+        for (k, source) in sources.iter().enumerate() {
+            put(k, std::array::from_fn(|j| source.sample([across[j], down[j]], xs[j], ys[j])));
+        }
+    }
 }
 
 #[target_feature(enable = "avx2")]
 #[inline]
 fn sample_row<S: Pairs, const N: usize>(
-    source: &Source<'_, S>,
-    table: &Table<N>,
+    sources: &[Source<'_, S>],
+    taps: &impl Taps<N>,
     (xs, ys): (&[i32], &[i32]),
-    out: &mut [S],
-    store: impl Fn(__m256i, &mut [S; LANES]),
+    outs: &mut [&mut [S]],
 ) where
-    Table<N>: Weights,
+    [i16; N]: Weights,
 {
-    let blocks = xs.as_chunks::<LANES>().0.iter().zip(ys.as_chunks::<LANES>().0);
-    for ((xs, ys), out) in blocks.zip(out.as_chunks_mut::<LANES>().0) {
-        match block::<S, N>(source, table, xs, ys) {
-            Some(values) => store(values, out),
-            None => source.sample_row(table, xs, ys, out),
+    let count = xs.len().min(ys.len());
+    let (mut padded_xs, mut padded_ys) = ([0; LANES], [0; LANES]);
+    for first in (0..count).step_by(LANES) {
+        let (x, y, end) = (&xs[first..count], &ys[first..count], count.min(first + LANES));
+        let at = if let (Some(x), Some(y)) = (x.first_chunk::<LANES>(), y.first_chunk::<LANES>()) {
+            (x, y)
+        } else {
+            // The rest is filled up with its last position.
+            for j in 0..LANES {
+                let i = j.min(end - first - 1);
+                (padded_xs[j], padded_ys[j]) = (x[i], y[i]);
+            }
+            (&padded_xs, &padded_ys)
+        };
+        let (mut across, mut down) = ([taps.across(first, at.0[0]); LANES], [taps.down(first, at.1[0]); LANES]);
+        for j in 1..LANES {
+            let i = (first + j).min(count - 1);
+            (across[j], down[j]) = (taps.across(i, at.0[j]), taps.down(i, at.1[j]));
         }
+        block(sources, [across, down], at, |k, values| match outs[k].get_mut(first..first + LANES) {
+            Some(out) => out.copy_from_slice(&values),
+            None => outs[k][first..end].copy_from_slice(&values[..end - first]),
+        });
     }
-    let done = out.len() / LANES * LANES;
-    source.sample_row(table, &xs[done..], &ys[done..], &mut out[done..]);
 }
 
 /// Words of eight lanes that lie within 0 to 65535.
@@ -289,57 +382,30 @@ fn words(values: __m256i) -> __m128i {
     _mm256_castsi256_si128(_mm256_permute4x64_epi64::<0b10_00>(packed))
 }
 
-#[target_feature(enable = "avx2")]
-#[inline]
-fn store_bytes(values: __m256i, out: &mut [u8; LANES]) {
-    let packed = _mm_packus_epi16(words(values), words(values));
-    // SAFETY: 8 bytes into an array of 8 bytes.
-    unsafe { _mm_storel_epi64(out.as_mut_ptr().cast(), packed) };
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn store_words(values: __m256i, out: &mut [u16; LANES]) {
-    // SAFETY: 16 bytes into an array of 16 bytes.
-    unsafe { _mm_storeu_si128(out.as_mut_ptr().cast(), words(values)) };
-}
-
-/// Sample types that have kernels.
+/// Sample types that have kernels. Each row of `outs` is one of a source, and all of them are as long as the positions.
 pub(super) trait Kernels: Sample {
-    /// [`Source::sample_row`] with four taps.
+    /// [`Source::sample_row`] of every source with four taps.
     ///
     /// # Safety
     /// AVX2.
-    unsafe fn row4(source: &Source<'_, Self>, table: &Table<4>, at: (&[i32], &[i32]), out: &mut [Self]);
+    unsafe fn row4(sources: &[Source<'_, Self>], taps: &Table<4>, at: (&[i32], &[i32]), outs: &mut [&mut [Self]]);
 
-    /// [`Source::sample_row`] with six taps.
+    /// [`Source::sample_row`] of every source with six taps.
     ///
     /// # Safety
     /// AVX2.
-    unsafe fn row6(source: &Source<'_, Self>, table: &Table<8>, at: (&[i32], &[i32]), out: &mut [Self]);
+    unsafe fn row6(sources: &[Source<'_, Self>], taps: &impl Taps<8>, at: (&[i32], &[i32]), outs: &mut [&mut [Self]]);
 }
 
-impl Kernels for u8 {
+impl<S: Pairs> Kernels for S {
     #[target_feature(enable = "avx2")]
-    unsafe fn row4(source: &Source<'_, Self>, table: &Table<4>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, 4>(source, table, at, out, |v, out| store_bytes(v, out));
+    unsafe fn row4(sources: &[Source<'_, Self>], taps: &Table<4>, at: (&[i32], &[i32]), outs: &mut [&mut [Self]]) {
+        sample_row::<Self, 4>(sources, taps, at, outs);
     }
 
     #[target_feature(enable = "avx2")]
-    unsafe fn row6(source: &Source<'_, Self>, table: &Table<8>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, 8>(source, table, at, out, |v, out| store_bytes(v, out));
-    }
-}
-
-impl Kernels for u16 {
-    #[target_feature(enable = "avx2")]
-    unsafe fn row4(source: &Source<'_, Self>, table: &Table<4>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, 4>(source, table, at, out, |v, out| store_words(v, out));
-    }
-
-    #[target_feature(enable = "avx2")]
-    unsafe fn row6(source: &Source<'_, Self>, table: &Table<8>, at: (&[i32], &[i32]), out: &mut [Self]) {
-        sample_row::<Self, 8>(source, table, at, out, |v, out| store_words(v, out));
+    unsafe fn row6(sources: &[Source<'_, Self>], taps: &impl Taps<8>, at: (&[i32], &[i32]), outs: &mut [&mut [Self]]) {
+        sample_row::<Self, 8>(sources, taps, at, outs);
     }
 }
 

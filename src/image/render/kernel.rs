@@ -83,15 +83,55 @@ pub(super) fn table<const N: usize>(kernel: Interpolation) -> Box<Table<N>> {
 }
 
 fn quantized<const N: usize>(kernel: Interpolation, t: f64) -> [i16; N] {
-    let (n, one) = (taps(N), f64::from(1 << WEIGHT_BITS));
     let mut exact = kernel.weights::<N>(t);
-    exact[n..].fill(0.0);
+    exact[taps(N)..].fill(0.0);
+    fixed_point(exact, t)
+}
+
+/// Weights in fixed point that sum to one exactly, as `exact` are up to a factor.
+fn fixed_point<const N: usize>(exact: [f64; N], t: f64) -> [i16; N] {
+    let (n, one) = (taps(N), f64::from(1 << WEIGHT_BITS));
     let sum: f64 = exact.iter().sum();
     let mut row = exact.map(|w| (w / sum * one).round() as i16);
     // The rest of the rounding goes to the largest weight, where it is relatively smallest.
     let rest = (1 << WEIGHT_BITS) - row.iter().map(|&w| i32::from(w)).sum::<i32>();
     row[if t < 0.5 { n / 2 - 1 } else { n / 2 }] += rest as i16;
     row
+}
+
+/// Distances of two samples that a [`PairTable`] has weights for, the first of them 0.
+pub(super) const PAIR_LEVELS: usize = 32;
+/// Half the distance of the samples from one level to the next, phases.
+const PAIR_STEP: usize = 6;
+/// Largest distance of two samples, px, whose mean is within six taps.
+pub(super) const MAX_PAIR_PX: f32 = 2.0 * (PAIR_STEP * (PAIR_LEVELS - 1)) as f32 / PHASES as f32;
+
+/// Weights of the mean of two samples of a four-tap kernel, `e` before and `e` behind a position: the six taps around it,
+/// for each level of `e` those of all phases.
+pub(super) type PairTable = [[i16; 8]; PAIR_LEVELS * PHASES];
+
+/// The level of a distance of two samples, px, as the index of its first row in a [`PairTable`].
+pub(super) fn pair_rows(distance: f32) -> usize {
+    let half = 0.5 * distance * PHASES as f32;
+    ((half / PAIR_STEP as f32 + 0.5) as usize).min(PAIR_LEVELS - 1) * PHASES
+}
+
+/// The table of pairs of a kernel of four taps or fewer; for Lanczos, whose pairs have eight, that of the sharpest four.
+pub(super) fn pair_table(kernel: Interpolation) -> Box<PairTable> {
+    let kernel = if kernel == Interpolation::Lanczos3 { Interpolation::Bicubic } else { kernel };
+    let single: Vec<[f64; 4]> = (0..PHASES).map(|phase| kernel.weights(phase as f64 / PHASES as f64)).collect();
+    let row = |k: usize| {
+        let (phase, half) = (k % PHASES, k / PHASES * PAIR_STEP);
+        let mut six = [0.0; 8];
+        // Positions from the sample before the present one on, so that they are positive.
+        for at in [PHASES + phase - half, PHASES + phase + half] {
+            let first = at / PHASES;
+            six[first..first + 4].iter_mut().zip(single[at % PHASES]).for_each(|(sum, w)| *sum += w);
+        }
+        fixed_point(six, phase as f64 / PHASES as f64)
+    };
+    let rows: Vec<[i16; 8]> = (0..PAIR_LEVELS * PHASES).map(row).collect();
+    rows.into_boxed_slice().try_into().expect("as many rows as the table has")
 }
 
 #[cfg(test)]
@@ -119,5 +159,25 @@ mod tests {
                 assert!(off <= Some(1), "{kernel:?} at phase {phase}");
             }
         }
+    }
+
+    #[test]
+    fn a_pair_is_the_mean_of_two_samples() {
+        let samples = [3.0, 200.0, 17.0, 90.0, 255.0, 0.0, 31.0, 8.0];
+        let table = pair_table(Interpolation::Bicubic);
+        for (level, phase) in [(0, 0), (0, 77), (1, 3), (13, 128), (31, 0), (31, 255), (31, 70)] {
+            // A position between the third sample and the fourth.
+            let (t, half) = (phase as f64 / PHASES as f64, (level * PAIR_STEP) as f64 / PHASES as f64);
+            let one = |at: f64| {
+                let (first, w) = (at.floor() as usize - 1, Interpolation::Bicubic.weights::<4>(at.fract()));
+                samples[first..].iter().zip(w).map(|(s, w)| s * w).sum::<f64>()
+            };
+            let expected = 0.5 * (one(2.0 + t - half) + one(2.0 + t + half));
+            let six = table[level * PHASES + phase];
+            let found = samples.iter().zip(six).map(|(s, w)| s * f64::from(w)).sum::<f64>() / 16384.0;
+            assert!((found - expected).abs() < 0.05, "level {level}, phase {phase}: {found} for {expected}");
+        }
+        assert!(table.iter().all(|row| row.iter().map(|&w| i32::from(w)).sum::<i32>() == 16384));
+        assert_eq!((pair_rows(0.0), pair_rows(MAX_PAIR_PX), pair_rows(9.0)), (0, 31 * PHASES, 31 * PHASES));
     }
 }

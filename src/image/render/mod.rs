@@ -31,12 +31,17 @@ pub use completion::complete;
 pub use fill::{FillOptions, FillReport, Filler};
 pub use kernel::Interpolation;
 
+use std::ops::Range;
+use std::sync::OnceLock;
+
 use crate::warp::Lattice;
-use crate::{Frame, Layout, PixelFormat};
+use crate::{Frame, Layout, PixelFormat, PlaneRef};
+use averaged::Spreads;
+use kernel::{PairTable, pair_table};
 use plane::{InstructionSet, Job, Tables};
 use plumbline_num::run::{Run, Stopped};
 use scan::{MAX_SIZE, Siting};
-use source::Source;
+use source::{Sample, Source};
 
 /// Why a frame cannot be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -91,19 +96,18 @@ pub struct RenderOptions {
 /// Weight tables and the choice of code path; make one and use it for every frame.
 #[derive(Debug)]
 pub struct Renderer {
-    border: Border,
+    options: RenderOptions,
     tables: Tables,
+    /// Weights of means, once a map shrinks.
+    pairs: OnceLock<Box<PairTable>>,
     instructions: InstructionSet,
 }
 
 impl Renderer {
     /// A renderer with the fastest code path of this machine.
     pub fn new(options: RenderOptions) -> Self {
-        Self {
-            border: options.border,
-            tables: Tables::new(options.interpolation),
-            instructions: InstructionSet::detect(),
-        }
+        let (tables, instructions) = (Tables::new(options.interpolation), InstructionSet::detect());
+        Self { options, tables, pairs: OnceLock::new(), instructions }
     }
 
     /// A renderer without SIMD kernels. Its results are the same.
@@ -116,35 +120,62 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Format`], [`RenderError::Size`], [`RenderError::Dimensions`], [`RenderError::Plane`].
     pub fn render(&self, src: &Frame, lattice: &Lattice, dst: &mut Frame) -> Result<(), RenderError> {
-        self.render_planes(src, lattice, dst, &Run::default())
+        self.render_planes(src, lattice, dst, None, &Run::default())
     }
 
-    /// [`Self::render`], looking at the run before each plane.
-    fn render_planes(&self, src: &Frame, lattice: &Lattice, dst: &mut Frame, run: &Run) -> Result<(), RenderError> {
+    /// [`Self::render`], as means where `spreads` says so in planes of full size, looking at the run on the way.
+    fn render_planes(
+        &self,
+        src: &Frame,
+        lattice: &Lattice,
+        dst: &mut Frame,
+        spreads: Option<&Spreads>,
+        run: &Run,
+    ) -> Result<(), RenderError> {
         check(src, lattice, dst)?;
         dst.copy_properties(src);
-        for i in 0..src.format.planes() {
-            run.check()?;
-            let (job, black) = self.job(src, lattice, i);
-            let (bits, border) = (src.format.bits, self.border);
-            let unreadable = RenderError::Plane { plane: i, role: "source" };
-            let unwritable = RenderError::Plane { plane: i, role: "destination" };
+        let siting = |i: usize| Siting::of(src.format, &src.color, i);
+        let mut first = 0;
+        while first < src.format.planes() {
+            // Planes of one siting are sampled at the same positions.
+            let alike = (first..src.format.planes()).take_while(|&i| siting(i) == siting(first));
+            let planes = first..first + alike.count();
+            first = planes.end;
+            let siting = siting(planes.start);
+            let spreads = spreads.filter(|_| siting.log2 == (0, 0));
+            let job = Job { lattice, siting, renderer: self, spreads };
             if src.format.bytes_per_sample() == 1 {
-                let plane = src.plane8(i).ok_or(unreadable)?;
-                job.run(&Source::new(plane, border, black, bits), dst.plane8_mut(i).ok_or(unwritable)?);
+                let sources = sources(src, planes.clone(), self.options.border, Frame::plane8)?;
+                job.run(&sources, dst.planes8_mut(planes.clone()).ok_or_else(|| unwritable(&planes))?, run)?;
             } else {
-                let plane = src.plane16(i).ok_or(unreadable)?;
-                job.run(&Source::new(plane, border, black, bits), dst.plane16_mut(i).ok_or(unwritable)?);
+                let sources = sources(src, planes.clone(), self.options.border, Frame::plane16)?;
+                job.run(&sources, dst.planes16_mut(planes.clone()).ok_or_else(|| unwritable(&planes))?, run)?;
             }
         }
         Ok(())
     }
 
-    /// The job of plane `i`, and its value of black.
-    fn job<'a>(&'a self, src: &Frame, lattice: &'a Lattice, i: usize) -> (Job<'a>, i32) {
-        let siting = Siting::of(src.format, &src.color, i);
-        (Job { lattice, siting, tables: &self.tables, instructions: self.instructions }, black(src, i))
+    /// Weights of the means of pairs of samples.
+    fn pair_table(&self) -> &PairTable {
+        self.pairs.get_or_init(|| pair_table(self.options.interpolation))
     }
+}
+
+fn sources<'f, S: Sample>(
+    frame: &'f Frame,
+    planes: Range<usize>,
+    border: Border,
+    plane: impl Fn(&'f Frame, usize) -> Option<PlaneRef<'f, S>>,
+) -> Result<Vec<Source<'f, S>>, RenderError> {
+    let source = |i: usize| {
+        let plane = plane(frame, i).ok_or(RenderError::Plane { plane: i, role: "source" })?;
+        Ok(Source::new(plane, border, black(frame, i), frame.format.bits))
+    };
+    planes.map(source).collect()
+}
+
+fn unwritable(planes: &Range<usize>) -> RenderError {
+    RenderError::Plane { plane: planes.start, role: "destination" }
 }
 
 fn check(src: &Frame, lattice: &Lattice, dst: &Frame) -> Result<(), RenderError> {

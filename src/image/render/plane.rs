@@ -1,13 +1,16 @@
-//! One plane: rows split between threads, positions and samples of each row by the chosen code path.
+//! Planes that are sampled at the same positions: rows split between threads, positions and samples of each row by the chosen
+//! code path.
 
 use rayon::prelude::*;
 
 use super::Renderer;
+use super::averaged::{Scratch, Spreads};
 use super::kernel::{Interpolation, Table, table};
 use super::scan::Siting;
-use super::source::Source;
+use super::source::{Pairs, Source};
 use crate::PlaneMut;
 use crate::warp::Lattice;
+use plumbline_num::run::{Run, Stopped};
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::{self, Kernels};
@@ -55,39 +58,57 @@ impl Tables {
     }
 }
 
-/// What to do with a plane.
+/// What to do with planes of one size and siting.
 pub(super) struct Job<'a> {
     pub(super) lattice: &'a Lattice,
     pub(super) siting: Siting,
-    pub(super) tables: &'a Tables,
-    pub(super) instructions: InstructionSet,
+    pub(super) renderer: &'a Renderer,
+    /// How pixels of a map that shrinks are averaged; `None`: they are interpolated.
+    pub(super) spreads: Option<&'a Spreads>,
 }
 
+/// A run of rows of one plane, and how far apart they start, samples.
+type Rows<'d, S> = (&'d mut [S], usize);
+
 impl Job<'_> {
-    /// Samples `source` at every position of `dst`.
-    pub(super) fn run<S: Kernels>(&self, source: &Source<'_, S>, dst: PlaneMut<'_, S>) {
-        let (width, height) = (dst.width(), dst.height());
-        let (data, stride) = dst.into_data();
-        // The memory may go on below the plane.
-        let end = data.len().min(height * stride);
-        data[..end].par_chunks_mut(stride * ROWS_PER_TASK).enumerate().for_each_init(
-            || (vec![0; width], vec![0; width]),
-            |(xs, ys), (task, rows)| {
-                for (j, row) in (task * ROWS_PER_TASK..).zip(rows.chunks_mut(stride)) {
-                    self.row(source, j, (xs, ys), &mut row[..width]);
-                }
-            },
-        );
+    /// Samples the sources at every position of their destinations.
+    pub(super) fn run<S: Kernels>(
+        &self,
+        sources: &[Source<'_, S>],
+        destinations: Vec<PlaneMut<'_, S>>,
+        run: &Run,
+    ) -> Result<(), Stopped> {
+        let Some((width, height)) = destinations.first().map(|d| (d.width(), d.height())) else { return Ok(()) };
+        let mut tasks: Vec<Vec<Rows<'_, S>>> = (0..height.div_ceil(ROWS_PER_TASK)).map(|_| Vec::new()).collect();
+        for destination in destinations {
+            let (data, stride) = destination.into_data();
+            // The memory may go on below the plane.
+            let end = data.len().min(height * stride);
+            let rows = data[..end].chunks_mut(stride * ROWS_PER_TASK);
+            tasks.iter_mut().zip(rows).for_each(|(task, rows)| task.push((rows, stride)));
+        }
+        let scratch = || Scratch::new(width, sources.len());
+        tasks.into_par_iter().enumerate().try_for_each_init(scratch, |scratch, (task, mut planes)| {
+            run.check()?;
+            let first = task * ROWS_PER_TASK;
+            for j in first..(first + ROWS_PER_TASK).min(height) {
+                let range = |stride: usize| (j - first) * stride..(j - first) * stride + width;
+                let mut outs: Vec<&mut [S]> =
+                    planes.iter_mut().map(|(rows, stride)| &mut rows[range(*stride)]).collect();
+                self.row(sources, j, scratch, &mut outs);
+            }
+            Ok(())
+        })
     }
 
-    /// Samples `source` at positions in units of 1/256 px.
-    pub(super) fn sample<S: Kernels>(&self, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
-        self.instructions.sample(self.tables, source, at, out);
-    }
-
-    fn row<S: Kernels>(&self, source: &Source<'_, S>, j: usize, (xs, ys): (&mut [i32], &mut [i32]), out: &mut [S]) {
-        self.instructions.positions(&self.siting, self.lattice, j, xs, ys);
-        self.instructions.sample(self.tables, source, (xs, ys), out);
+    fn row<S: Kernels>(&self, sources: &[Source<'_, S>], j: usize, scratch: &mut Scratch<S>, outs: &mut [&mut [S]]) {
+        let Renderer { instructions, tables, .. } = self.renderer;
+        let Scratch { xs, ys, .. } = scratch;
+        instructions.positions(&self.siting, self.lattice, j, xs, ys);
+        match self.spreads.filter(|spreads| spreads.any_in(self.lattice, j)) {
+            Some(spreads) => spreads.row(self, sources, j, scratch, outs),
+            None => instructions.sample(tables, sources, (xs, ys), outs),
+        }
     }
 }
 
@@ -103,24 +124,55 @@ impl InstructionSet {
         }
     }
 
-    /// Samples `source` at positions in units of 1/256 px.
-    fn sample<S: Kernels>(self, tables: &Tables, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
+    /// Samples the sources at positions in units of 1/256 px, each into its own row.
+    pub(super) fn sample<S: Kernels>(
+        self,
+        tables: &Tables,
+        sources: &[Source<'_, S>],
+        at: (&[i32], &[i32]),
+        outs: &mut [&mut [S]],
+    ) {
         match (self, tables) {
-            (Self::Portable, Tables::Four(table)) => source.sample_row(table, at.0, at.1, out),
-            (Self::Portable, Tables::Six(table)) => source.sample_row(table, at.0, at.1, out),
+            (Self::Portable, Tables::Four(table)) => {
+                each(sources, outs, |source, out| source.sample_row(&**table, at, out));
+            }
+            (Self::Portable, Tables::Six(table)) => {
+                each(sources, outs, |source, out| source.sample_row(&**table, at, out));
+            }
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // as above
             // SAFETY: as above.
-            (Self::Avx2, Tables::Four(table)) => unsafe { S::row4(source, table, at, out) },
+            (Self::Avx2, Tables::Four(table)) => unsafe { S::row4(sources, table, at, outs) },
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // as above
             // SAFETY: as above.
-            (Self::Avx2, Tables::Six(table)) => unsafe { S::row6(source, table, at, out) },
+            (Self::Avx2, Tables::Six(table)) => unsafe { S::row6(sources, &**table, at, outs) },
+        }
+    }
+
+    /// The same with means of pairs of samples.
+    pub(super) fn sample_pairs<S: Kernels>(
+        self,
+        pairs: &Pairs<'_>,
+        sources: &[Source<'_, S>],
+        at: (&[i32], &[i32]),
+        outs: &mut [&mut [S]],
+    ) {
+        match self {
+            Self::Portable => each(sources, outs, |source, out| source.sample_row(pairs, at, out)),
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)] // as above
+            // SAFETY: as above.
+            Self::Avx2 => unsafe { S::row6(sources, pairs, at, outs) },
         }
     }
 }
 
+fn each<S: Kernels>(sources: &[Source<'_, S>], outs: &mut [&mut [S]], sample: impl Fn(&Source<'_, S>, &mut [S])) {
+    sources.iter().zip(outs).for_each(|(source, out)| sample(source, out));
+}
+
 /// Samples `source` at positions in units of 1/256 px, as `renderer` would.
 pub(super) fn sample_row<S: Kernels>(renderer: &Renderer, source: &Source<'_, S>, at: (&[i32], &[i32]), out: &mut [S]) {
-    renderer.instructions.sample(&renderer.tables, source, at, out);
+    renderer.instructions.sample(&renderer.tables, std::slice::from_ref(source), at, &mut [out]);
 }

@@ -106,17 +106,23 @@ impl Line {
         const DROPPED: u32 = FRACTION_BITS - PHASE_BITS;
         let advance = self.advance.wrapping_add(own << FRACTION_BITS);
         let mut at = (first << FRACTION_BITS).wrapping_add(self.start).wrapping_add(1 << (DROPPED - 1));
-        // Eight at a time: the inner loop is one vector addition, one shift and one store.
-        let mut lanes = [0_i32; 8];
-        for k in 1..8 {
-            lanes[k] = lanes[k - 1].wrapping_add(advance);
-        }
+        // Eight or four at a time: the inner loop is one vector addition, one shift and one store.
         let (eights, rest) = out.as_chunks_mut::<8>();
-        for eight in eights {
-            for (position, lane) in eight.iter_mut().zip(lanes) {
-                *position = at.wrapping_add(lane) >> DROPPED;
+        if !eights.is_empty() {
+            let lanes = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| advance.wrapping_mul(k));
+            for eight in eights {
+                for (position, lane) in eight.iter_mut().zip(lanes) {
+                    *position = at.wrapping_add(lane) >> DROPPED;
+                }
+                at = at.wrapping_add(advance.wrapping_mul(8));
             }
-            at = at.wrapping_add(advance.wrapping_mul(8));
+        }
+        let (fours, rest) = rest.as_chunks_mut::<4>();
+        for four in fours {
+            for (position, k) in four.iter_mut().zip(0_i32..) {
+                *position = at.wrapping_add(advance.wrapping_mul(k)) >> DROPPED;
+            }
+            at = at.wrapping_add(advance.wrapping_mul(4));
         }
         for position in rest {
             *position = at >> DROPPED;

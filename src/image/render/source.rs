@@ -1,8 +1,43 @@
 //! A source plane with its border, and the scalar way to sample it: what the SIMD kernels must equal bit for bit.
 
 use super::border::Border;
-use super::kernel::{PHASE_BITS, PHASES, Table, UNIT, taps};
+use super::kernel::{PHASE_BITS, PHASES, PairTable, Table, UNIT, taps};
 use crate::PlaneRef;
+
+/// Where the weights of the samples of a row are, by the index of the sample and its position in units of 1/256 px.
+pub(super) trait Taps<const N: usize> {
+    /// Weights along x.
+    fn across(&self, i: usize, x: i32) -> &[i16; N];
+    /// Weights along y.
+    fn down(&self, i: usize, y: i32) -> &[i16; N];
+}
+
+impl<const N: usize> Taps<N> for Table<N> {
+    fn across(&self, _: usize, x: i32) -> &[i16; N] {
+        &self[x as usize % PHASES]
+    }
+
+    fn down(&self, _: usize, y: i32) -> &[i16; N] {
+        &self[y as usize % PHASES]
+    }
+}
+
+/// Pairs of samples: for each sample of a row the first row of its levels in the table.
+pub(super) struct Pairs<'a> {
+    pub(super) table: &'a PairTable,
+    pub(super) across: &'a [u16],
+    pub(super) down: &'a [u16],
+}
+
+impl Taps<8> for Pairs<'_> {
+    fn across(&self, i: usize, x: i32) -> &[i16; 8] {
+        &self.table[(usize::from(self.across[i]) + x as usize % PHASES) % self.table.len()]
+    }
+
+    fn down(&self, i: usize, y: i32) -> &[i16; 8] {
+        &self.table[(usize::from(self.down[i]) + y as usize % PHASES) % self.table.len()]
+    }
+}
 
 /// A sample type: `u8` or `u16`.
 pub(super) trait Sample: Copy + Default + PartialEq + std::fmt::Debug + Send + Sync + 'static {
@@ -62,8 +97,7 @@ impl<'a, S: Sample> Source<'a, S> {
     /// The interpolated value at a position in units of 1/256 px.
     ///
     /// Rows first, exactly in `i32`; then down the column in `f32`, in the order of the rows, rounded once to even.
-    pub(super) fn sample<const N: usize>(&self, table: &Table<N>, x: i32, y: i32) -> S {
-        let (wx, wy) = (&table[x as usize % PHASES], &table[y as usize % PHASES]);
+    pub(super) fn sample<const N: usize>(&self, [wx, wy]: [&[i16; N]; 2], x: i32, y: i32) -> S {
         let before = taps(N) as i32 / 2 - 1;
         let (x0, y0) = ((x >> PHASE_BITS) - before, (y >> PHASE_BITS) - before);
         let mut sum = 0.0_f32;
@@ -88,9 +122,9 @@ impl<'a, S: Sample> Source<'a, S> {
     }
 
     /// Samples along a row of positions.
-    pub(super) fn sample_row<const N: usize>(&self, table: &Table<N>, xs: &[i32], ys: &[i32], out: &mut [S]) {
-        for ((&x, &y), sample) in xs.iter().zip(ys).zip(out) {
-            *sample = self.sample(table, x, y);
+    pub(super) fn sample_row<const N: usize>(&self, taps: &impl Taps<N>, (xs, ys): (&[i32], &[i32]), out: &mut [S]) {
+        for (i, ((&x, &y), sample)) in xs.iter().zip(ys).zip(out).enumerate() {
+            *sample = self.sample([taps.across(i, x), taps.down(i, y)], x, y);
         }
     }
 

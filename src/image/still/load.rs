@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::container::{self, Container, Pixels, SPARE};
 use super::jpeg::EncodedMap;
-use super::packed::unpack;
+use super::packed::unpacked;
 use super::sniff::{HEAD, refuse_raw_name, sniff};
 use super::{ExifOrientation, ExifTags, GainMap, Photo, StillError, exif};
 use crate::{Frame, PixelFormat};
@@ -136,11 +136,11 @@ impl<'r> Opened<'r> {
         let frame = if layout.bits == 8 {
             let mut packed = vec![0_u8; samples];
             pixels.read(&mut packed, &mut photo.warnings)?;
-            unpack(&packed, size, layout, orientation)
+            unpacked(packed, size, layout, orientation)
         } else {
             let mut packed = vec![0_u16; samples];
             pixels.read(bytemuck::cast_slice_mut(&mut packed), &mut photo.warnings)?;
-            unpack(&packed, size, layout, orientation)
+            unpacked(packed, size, layout, orientation)
         };
         if let Some(map) = gain_map {
             match GainMap::decoded(map, orientation, size.0 * size.1) {

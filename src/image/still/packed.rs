@@ -1,11 +1,14 @@
 //! Between the packed samples of files, `R G B A R G B A …`, and planes.
 
+use std::any::Any;
+
 use bytemuck::Pod;
 use rayon::prelude::*;
 
 use super::reduce::{over_white, to_8_bit};
 use super::{ExifOrientation, StillError};
-use crate::{Frame, Layout, PixelFormat, PlaneMut, PlaneRef};
+use crate::simd::multiversion;
+use crate::{Frame, FrameBuffer, Layout, PixelFormat, PlaneMut, PlaneRef, PlaneRows};
 
 /// Rows per parallel task: a task outweighs its scheduling, and small pictures still split.
 const ROWS: usize = 32;
@@ -17,6 +20,12 @@ pub(super) trait Sample: Pod + Send + Sync {
 
     /// Plane `i` for writing.
     fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>>;
+
+    /// All planes for writing.
+    fn planes_mut(frame: &mut Frame) -> Option<Vec<PlaneMut<'_, Self>>>;
+
+    /// Packed red, green and blue as rows of each.
+    fn split(samples: &[Self], g: &mut [Self], b: &mut [Self], r: &mut [Self]);
 }
 
 impl Sample for u8 {
@@ -27,6 +36,14 @@ impl Sample for u8 {
     fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>> {
         frame.plane8_mut(i)
     }
+
+    fn planes_mut(frame: &mut Frame) -> Option<Vec<PlaneMut<'_, Self>>> {
+        frame.planes8_mut(0..frame.format.planes())
+    }
+
+    fn split(samples: &[Self], g: &mut [Self], b: &mut [Self], r: &mut [Self]) {
+        split8(samples, g, b, r);
+    }
 }
 
 impl Sample for u16 {
@@ -36,6 +53,14 @@ impl Sample for u16 {
 
     fn plane_mut(frame: &mut Frame, i: usize) -> Option<PlaneMut<'_, Self>> {
         frame.plane16_mut(i)
+    }
+
+    fn planes_mut(frame: &mut Frame) -> Option<Vec<PlaneMut<'_, Self>>> {
+        frame.planes16_mut(0..frame.format.planes())
+    }
+
+    fn split(samples: &[Self], g: &mut [Self], b: &mut [Self], r: &mut [Self]) {
+        split16(samples, g, b, r);
     }
 }
 
@@ -69,6 +94,10 @@ pub(super) fn unpack<S: Sample>(
     let (w, h) = orientation.size(width, height);
     let mut frame = Frame::new(format, w, h);
     frame.color.full_range = Some(true);
+    if orientation == ExifOrientation::default() && order == [2, 0, 1] {
+        unpack_upright(samples, &mut frame)?;
+        return Some(frame);
+    }
     for (channel, &plane) in order.iter().enumerate() {
         let (data, stride) = S::plane_mut(&mut frame, plane)?.into_data();
         data.par_chunks_mut(stride * ROWS).enumerate().for_each(|(task, rows)| {
@@ -78,6 +107,98 @@ pub(super) fn unpack<S: Sample>(
         });
     }
     Some(frame)
+}
+
+/// Red, green and blue that are upright already, as of nearly every picture: all planes in one pass.
+fn unpack_upright<S: Sample>(samples: &[S], frame: &mut Frame) -> Option<()> {
+    let width = frame.width;
+    let planes = <[PlaneMut<'_, S>; 3]>::try_from(S::planes_mut(frame)?).ok()?;
+    let [(g, g_stride), (b, b_stride), (r, r_stride)] = planes.map(PlaneMut::into_data);
+    let tasks = g.par_chunks_mut(g_stride * ROWS).zip(b.par_chunks_mut(b_stride * ROWS));
+    let tasks = tasks.zip(r.par_chunks_mut(r_stride * ROWS)).zip(samples.par_chunks(3 * width * ROWS));
+    tasks.for_each(|(((g, b), r), samples)| {
+        let rows = g.chunks_mut(g_stride).zip(b.chunks_mut(b_stride)).zip(r.chunks_mut(r_stride));
+        for (((g, b), r), samples) in rows.zip(samples.chunks_exact(3 * width)) {
+            S::split(samples, &mut g[..width], &mut b[..width], &mut r[..width]);
+        }
+    });
+    Some(())
+}
+
+multiversion! {
+    /// Packed red, green and blue as rows of each.
+    fn split8(samples: &[u8], g: &mut [u8], b: &mut [u8], r: &mut [u8]) {
+        for (((pixel, r), g), b) in samples.as_chunks::<3>().0.iter().zip(r).zip(g).zip(b) {
+            [*r, *g, *b] = *pixel;
+        }
+    }
+}
+
+multiversion! {
+    /// The same at 16 bit.
+    fn split16(samples: &[u16], g: &mut [u16], b: &mut [u16], r: &mut [u16]) {
+        for (((pixel, r), g), b) in samples.as_chunks::<3>().0.iter().zip(r).zip(g).zip(b) {
+            [*r, *g, *b] = *pixel;
+        }
+    }
+}
+
+/// [`unpack`] of samples that are not needed any longer: of red, green and blue that are upright already in their own memory.
+pub(super) fn unpacked<S: Sample>(
+    mut samples: Vec<S>,
+    size: (usize, usize),
+    format: PixelFormat,
+    orientation: ExifOrientation,
+) -> Option<Frame> {
+    let (width, height) = size;
+    let fits = samples.len() == 3 * width * height && !samples.is_empty();
+    if !(fits && orientation == ExifOrientation::default() && planes_of(format) == [2, 0, 1]) {
+        return unpack(&samples, size, format, orientation);
+    }
+    samples.par_chunks_mut(3 * width * ROWS).for_each_init(Vec::new, |copy, rows| {
+        for row in rows.chunks_exact_mut(3 * width) {
+            copy.clear();
+            copy.extend_from_slice(row);
+            let (g, rest) = row.split_at_mut(width);
+            let (b, r) = rest.split_at_mut(width);
+            S::split(copy, g, b, r);
+        }
+    });
+    let mut frame = Frame::from_buffer(format, width, height, Box::new(PlanesByRow { samples, width }));
+    frame.color.full_range = Some(true);
+    Some(frame)
+}
+
+/// Planes whose rows take turns: a row of green, of blue, of red, the next of green.
+struct PlanesByRow<S> {
+    samples: Vec<S>,
+    width: usize,
+}
+
+impl<S> PlanesByRow<S> {
+    /// Bytes from a row of a plane to its next.
+    fn stride(&self) -> usize {
+        3 * self.width * size_of::<S>()
+    }
+}
+
+impl<S: Sample> FrameBuffer for PlanesByRow<S> {
+    fn plane(&self, i: usize) -> PlaneRows<'_> {
+        (bytemuck::cast_slice(&self.samples[i * self.width..]), self.stride())
+    }
+
+    fn plane_mut(&mut self, i: usize) -> Option<(&mut [u8], usize)> {
+        let stride = self.stride();
+        Some((bytemuck::cast_slice_mut(&mut self.samples[i * self.width..]), stride))
+    }
+
+    fn planes_mut(&mut self) -> Option<Vec<(&mut [u8], usize)>> {
+        None
+    }
+
+    fn as_any(&mut self) -> &mut dyn Any {
+        self
+    }
 }
 
 /// Row `j` of one plane of the upright picture.
@@ -206,6 +327,22 @@ mod tests {
             assert_eq!(pack::<u16>(&frame).expect("a still format"), samples);
             assert!(unpack(&samples[1..], (37, 70), format, ExifOrientation::default()).is_none());
         }
+    }
+
+    #[test]
+    fn samples_unpacked_in_their_own_memory_are_the_same() {
+        let format = PixelFormat::opaque(Layout::Gbr, 16);
+        let samples: Vec<u16> = (0..37 * 70 * 3).map(|i| (i * 7) as u16).collect();
+        let apart = unpack(&samples, (37, 70), format, ExifOrientation::default()).expect("as many as it takes");
+        let own = unpacked(samples.clone(), (37, 70), format, ExifOrientation::default()).expect("as many as it takes");
+        for plane in 0..3 {
+            let rows = |frame: &Frame| {
+                (0..70).map(|y| frame.plane16(plane).expect("16 bit").row(y).to_vec()).collect::<Vec<_>>()
+            };
+            assert_eq!(rows(&own), rows(&apart), "plane {plane}");
+        }
+        assert_eq!(pack::<u16>(&own).expect("a still format"), samples);
+        assert!(unpacked(samples[1..].to_vec(), (37, 70), format, ExifOrientation::default()).is_none());
     }
 
     #[test]

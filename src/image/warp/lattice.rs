@@ -8,7 +8,8 @@
 //! even in an 8K frame. The step `h` starts at [`MAX_STEP_PX`] and is halved until the interpolation errs by less than
 //! [`TOLERANCE_PX`]. The error is measured where the next finer lattice has points, at the middles of cells and edges:
 //! for a quadratic field that is where it is largest, and for a kink (the edge of a mesh cell that crosses a lattice
-//! cell) the error elsewhere is at most twice that, hence the factor ½ in the test.
+//! cell) the error elsewhere is at most twice that, hence the factor ½ in the test. A cell that passes is not evaluated further: where
+//! others need a finer lattice, its points there are those of its interpolation.
 
 use rayon::prelude::*;
 
@@ -49,14 +50,21 @@ impl Lattice {
     pub fn between(field: &WarpField, out: (usize, usize), src: (usize, usize)) -> Self {
         let inside = Inside { width: src.0 as f64 + MARGIN_PX, height: src.1 as f64 + MARGIN_PX };
         if let Some(step) = Self::step_known_to_suffice(field) {
-            return Self::sample(field, out, step, None);
+            return Self::sample(field, out, step);
         }
-        let mut coarse = Self::sample(field, out, MAX_STEP_PX, None);
+        let mut coarse = Self::sample(field, out, MAX_STEP_PX);
+        let mut accurate = vec![false; (coarse.cols - 1) * (coarse.rows - 1)];
         while coarse.step > MIN_STEP_PX {
-            let fine = Self::sample(field, out, coarse.step / 2, Some(&coarse));
-            if coarse.error(&fine, &inside) < 0.5 * TOLERANCE_PX {
+            let fine = coarse.refined(field, &accurate);
+            coarse.judge(&fine, &inside, &mut accurate);
+            if !accurate.contains(&false) {
                 break;
             }
+            if coarse.step == MAX_STEP_PX {
+                // Five points say little of a cell this large beside one that bends.
+                accurate.fill(false);
+            }
+            accurate = coarse.inherited(&accurate, &fine);
             coarse = fine;
         }
         coarse
@@ -71,33 +79,75 @@ impl Lattice {
         field.interpolation_error(step as f64).map(|_| step)
     }
 
-    /// Offsets at one step; points that `coarse` has already are taken from there.
-    fn sample(field: &WarpField, (width, height): (usize, usize), step: usize, coarse: Option<&Self>) -> Self {
+    /// Offsets at one step.
+    fn sample(field: &WarpField, (width, height): (usize, usize), step: usize) -> Self {
         let (cols, rows) = (width.div_ceil(step).max(1) + 1, height.div_ceil(step).max(1) + 1);
         let mut offsets = vec![[f32::NAN; 2]; cols * rows];
         offsets.par_chunks_mut(cols).enumerate().for_each_init(
             || vec![usize::MAX; field.chain.len()],
             |hints, (l, row)| {
                 for (k, offset) in row.iter_mut().enumerate() {
-                    let known = coarse.filter(|c| (k | l) & 1 == 0 && k / 2 < c.cols && l / 2 < c.rows);
-                    *offset = known.map_or_else(
-                        || offset_at(field, Point2::new((k * step) as f64, (l * step) as f64), hints),
-                        |c| c.offsets[l / 2 * c.cols + k / 2],
-                    );
+                    *offset = offset_at(field, Point2::new((k * step) as f64, (l * step) as f64), hints);
                 }
             },
         );
         Self { step, cols, rows, width, height, offsets }
     }
 
-    /// Largest error, px, of this lattice at the points of one twice as fine, inside the source.
-    fn error(&self, fine: &Self, inside: &Inside) -> f64 {
-        let row = |l: usize| (0..fine.cols).map(|k| self.error_at(fine, inside, k, l)).fold(0.0, f64::max);
-        (0..fine.rows).into_par_iter().map(row).reduce(|| 0.0, f64::max)
+    /// The lattice of half the step: new points of cells that are accurate are interpolated, the others evaluated.
+    fn refined(&self, field: &WarpField, accurate: &[bool]) -> Self {
+        let (step, width, height) = (self.step / 2, self.width, self.height);
+        let (cols, rows) = (width.div_ceil(step).max(1) + 1, height.div_ceil(step).max(1) + 1);
+        let is_accurate = |k: usize, l: usize| accurate[l * (self.cols - 1) + k];
+        // The cells on either side of a new point, or the one around it.
+        let beside = |k: usize, n: usize| (k.saturating_sub(1) / 2, (k / 2).min(n - 2));
+        let mut offsets = vec![[f32::NAN; 2]; cols * rows];
+        offsets.par_chunks_mut(cols).enumerate().for_each_init(
+            || vec![usize::MAX; field.chain.len()],
+            |hints, (l, row)| {
+                let ((above, below), (top, bottom)) =
+                    (beside(l, self.rows), (self.row(l / 2), self.row(l.div_ceil(2))));
+                for (k, offset) in row.iter_mut().enumerate() {
+                    let (left, right) = beside(k, self.cols);
+                    let known = (k | l) & 1 == 0
+                        || (is_accurate(left, above)
+                            && is_accurate(right, above)
+                            && is_accurate(left, below)
+                            && is_accurate(right, below));
+                    *offset = if known {
+                        let (a, b) = (k / 2, k.div_ceil(2));
+                        let mean = |i: usize| 0.25 * ((top[a][i] + top[b][i]) + (bottom[a][i] + bottom[b][i]));
+                        [mean(0), mean(1)]
+                    } else {
+                        offset_at(field, Point2::new((k * step) as f64, (l * step) as f64), hints)
+                    };
+                }
+            },
+        );
+        Self { step, cols, rows, width, height, offsets }
+    }
+
+    /// Marks the cells whose interpolation is accurate at the points that `fine` adds inside the source.
+    fn judge(&self, fine: &Self, inside: &Inside, accurate: &mut [bool]) {
+        accurate.par_chunks_mut(self.cols - 1).enumerate().for_each(|(l, cells)| {
+            for (k, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| !**cell) {
+                let near = |k: usize, l: usize| self.error_at(fine, inside, k, l) < 0.5 * TOLERANCE_PX;
+                let (i, j) = (2 * k, 2 * l);
+                *cell =
+                    near(i + 1, j + 1) && near(i + 1, j) && near(i, j + 1) && near(i + 2, j + 1) && near(i + 1, j + 2);
+            }
+        });
+    }
+
+    /// Which cells of `fine` are parts of accurate ones.
+    fn inherited(&self, accurate: &[bool], fine: &Self) -> Vec<bool> {
+        let (cols, rows) = (fine.cols - 1, fine.rows - 1);
+        (0..cols * rows).map(|i| accurate[i / cols / 2 * (self.cols - 1) + i % cols / 2]).collect()
     }
 
     fn error_at(&self, fine: &Self, inside: &Inside, k: usize, l: usize) -> f64 {
-        if (k | l) & 1 == 0 {
+        // The last column and row of a lattice of half the step may end before those of this one.
+        if k >= fine.cols || l >= fine.rows {
             return 0.0;
         }
         let out = Point2::new((k * fine.step) as f64, (l * fine.step) as f64);
@@ -172,6 +222,8 @@ mod tests {
     use nalgebra::Matrix3;
     use plumbline_num::math::{Homography, PointMap, Similarity2};
     use proptest::prelude::*;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
     /// Largest error at random points of the output whose source lies inside the source.
     fn worst(field: &WarpField, lattice: &Lattice) -> f64 {
@@ -200,6 +252,32 @@ mod tests {
         let lattice = Lattice::new(&field, 1920, 1080);
         assert_eq!(lattice.step(), 32);
         assert!(worst(&field, &lattice) < 1e-3);
+    }
+
+    /// Moves points near one by some px, and counts how often it is asked.
+    struct Bump(Arc<AtomicUsize>);
+
+    impl PointMap for Bump {
+        fn map(&self, p: Point2) -> Option<Point2> {
+            self.0.fetch_add(1, Relaxed);
+            let d = p - Point2::new(200.0, 150.0);
+            Some(p + Vec2::new(4.0, -3.0) * (-d.norm_squared() / 3200.0).exp())
+        }
+
+        fn jacobian(&self, _: Point2) -> Option<nalgebra::Matrix2<f64>> {
+            None
+        }
+    }
+
+    #[test]
+    fn cells_are_evaluated_finely_where_they_bend_and_nowhere_else() {
+        let asked = Arc::new(AtomicUsize::new(0));
+        let field = WarpField { chain: vec![crate::warp::Map::Radial(Box::new(Bump(Arc::clone(&asked))))] };
+        let lattice = Lattice::new(&field, 1280, 720);
+        let count = asked.load(Relaxed);
+        let (cols, rows) = lattice.points();
+        assert!(lattice.step() == 4 && 3 * count < cols * rows, "{count} at {}", lattice.step());
+        assert!(worst(&field, &lattice) < TOLERANCE_PX, "{}", worst(&field, &lattice));
     }
 
     #[test]

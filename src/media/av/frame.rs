@@ -261,6 +261,25 @@ impl FrameBuffer for PlanarFrame {
         Some((unsafe { std::slice::from_raw_parts_mut(self.frame.get().data[i], len) }, stride))
     }
 
+    fn planes_mut(&mut self) -> Option<Vec<(&mut [u8], usize)>> {
+        let count = self.format.planes();
+        let range = |i: usize| {
+            let start = self.plane(i).0.as_ptr() as usize;
+            start..start + self.extent(i).0
+        };
+        let apart = |i: usize, j: usize| range(i).end <= range(j).start || range(j).end <= range(i).start;
+        let overlap = (0..count).any(|i| (0..i).any(|j| !apart(i, j)));
+        if overlap || self.plane_mut(0).is_none() {
+            return None;
+        }
+        let plane = |i: usize| {
+            let (len, stride) = self.extent(i);
+            // SAFETY: as in `plane_mut`, which found the frame writable; no two of the planes overlap.
+            (unsafe { std::slice::from_raw_parts_mut(self.frame.get().data[i], len) }, stride)
+        };
+        Some((0..count).map(plane).collect())
+    }
+
     fn as_any(&mut self) -> &mut dyn Any {
         self
     }

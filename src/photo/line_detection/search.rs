@@ -38,7 +38,7 @@ use plumbline_num::run::{Run, Stopped};
 /// ```
 #[derive(Clone, Debug)]
 pub struct LineSearch {
-    levels: Plane<f32>,
+    levels: Arc<Plane<f32>>,
     /// Of the photo, px.
     size: (f64, f64),
     /// What was found last, and under which lens: settings and marks change more often.
@@ -66,7 +66,7 @@ pub struct LineConstraints {
 impl LineSearch {
     /// In gray levels, 0 to 255, of a photo of `size` px, at any resolution.
     pub fn new(levels: Plane<f32>, size: (f64, f64)) -> Self {
-        Self { levels, size, last: Arc::default() }
+        Self { levels: Arc::new(levels), size, last: Arc::default() }
     }
 
     /// The gray levels.
@@ -93,7 +93,7 @@ impl LineSearch {
     /// the edge that is made straight, not the great circle: between the two lies the error of the lens, one to two pixels of an
     /// ordinary wide-angle photo.
     pub fn of_found(&self, lines: Vec<Line>, lens: &Lens, faces: &[Rect]) -> LineConstraints {
-        let lines = followed(&off_faces(lines, faces), lens, self.levels.as_ref());
+        let lines = followed(&off_faces(lines, faces), lens, self.levels().as_ref());
         LineConstraints { lines, soft: Vec::new() }
     }
 
@@ -109,7 +109,7 @@ impl LineSearch {
         faces: &[Rect],
         run: &Run,
     ) -> Result<LineConstraints, Stopped> {
-        let lines = continued(lines, lens, self.levels.as_ref());
+        let lines = continued(lines, lens, self.levels().as_ref());
         if lines.is_empty() {
             return Ok(LineConstraints::default());
         }
@@ -117,7 +117,7 @@ impl LineSearch {
         let mut found = self.detected(Some(lens), run)?.lines;
         found.retain(|detected| !off_faces(vec![detected.line.clone()], faces).is_empty());
         let courses: Vec<Line> = found.iter().map(|detected| detected.line.clone()).collect();
-        let courses = followed(&courses, lens, self.levels.as_ref());
+        let courses = followed(&courses, lens, self.levels().as_ref());
         found.iter_mut().zip(courses).for_each(|(detected, line)| detected.line = line);
         let soft = unmarked(&found, &lines, lens);
         Ok(LineConstraints { lines, soft })
@@ -139,7 +139,7 @@ impl LineSearch {
         // A picture of few pixels across is of another shape when it is small, and shows no lines.
         let size = (self.levels.width() as f64, self.levels.height() as f64);
         let Ok(small) = lens.map(|lens| lens.resized(size)).transpose() else { return Ok(Vec::new()) };
-        let levels = self.levels.as_ref();
+        let levels = self.levels().as_ref();
         let found = detect_lines(levels, small.as_ref(), &LineDetectionOptions::default(), run)?.lines;
         let courses: Vec<&Line> = found.iter().map(|detected| &detected.line).collect();
         let straight = small.map_or_else(|| vec![true; courses.len()], |lens| straight(&courses, &lens, levels));

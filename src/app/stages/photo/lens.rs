@@ -39,10 +39,16 @@ pub struct LensClues {
 impl LensClues {
     /// Of a picture.
     pub fn of(photo: &Photo) -> Self {
-        let size = (photo.frame.width as f64, photo.frame.height as f64);
-        let named = facts(photo.tags.clone(), size).lens().is_ok();
+        let file = Self::of_file(photo);
+        let named = facts(photo.tags.clone(), file.size).lens().is_ok();
         let levels = (named || !is_stitched(photo)).then(|| gray_levels(&photo.frame, CURVES_SIDE_PX)).flatten();
-        Self { tags: photo.tags.clone(), size, levels, of_edges: Arc::default() }
+        Self { levels, ..file }
+    }
+
+    /// What the file alone says, where no edges are needed.
+    fn of_file(photo: &Photo) -> Self {
+        let size = (photo.frame.width as f64, photo.frame.height as f64);
+        Self { tags: photo.tags.clone(), size, levels: None, of_edges: Arc::default() }
     }
 }
 
@@ -130,7 +136,10 @@ pub(crate) fn find_unless_stitched(
     request: LensRequest<'_>,
     run: &Run,
 ) -> Result<Option<Found>, RunError> {
-    match find(&LensClues::of(photo), marked, request, run) {
+    // A lens that is given, or determined by marked lines, is not looked for in the pixels.
+    let given = request.lens != "auto" || request.fov.is_some() || determine(marked);
+    let clues = if given { LensClues::of_file(photo) } else { LensClues::of(photo) };
+    match find(&clues, marked, request, run) {
         Err(_) if request.lens == "auto" && is_stitched(photo) => Ok(None),
         found => found.map(Some),
     }
@@ -223,7 +232,7 @@ fn automatic(
     let exif_field = || Some((exif.as_ref().ok()?.lens.field_of_view(FieldAxis::Horizontal)?, CLAIMED));
     let claim = given.map(|fov| (fov, GIVEN)).or_else(exif_field);
     // In this order: marked lines, the field of view given, a lensfun profile, the shape of a panorama, edges, EXIF.
-    if marked.iter().filter(|l| l.points.len() > 2).count() >= MIN_LINES {
+    if determine(marked) {
         return from_lines(marked, size, claim, run);
     }
     if let Some(fov) = given {
@@ -242,6 +251,11 @@ fn automatic(
     let found = exif.map_err(|error| RunError::Usage(format!("the lens is not known: {error}")))?;
     let how = format!("EXIF: {}", found.reason);
     Ok(Found { lens: found.lens, how, focal_sigma: Some(CLAIMED), warnings: Vec::new() })
+}
+
+/// Whether lines are enough to find a lens.
+fn determine(marked: &[Line]) -> bool {
+    marked.iter().filter(|l| l.points.len() > 2).count() >= MIN_LINES
 }
 
 fn from_profile(facts: &ExifFacts, size: (f64, f64)) -> Option<Found> {
