@@ -45,7 +45,6 @@ pub struct VideoReader {
     report: ReadReport,
     ended: bool,
     source: Input,
-    strict: bool,
     /// The bytes of the file end before its container says.
     cut: bool,
     /// Where the last frame ends, ticks.
@@ -123,7 +122,6 @@ impl VideoReader {
             report,
             ended: false,
             source: input.clone(),
-            strict: options.strict,
             cut,
             reached: i64::MIN,
             expected: expected.cloned(),
@@ -154,7 +152,7 @@ impl VideoReader {
         let frame = self.ready.pop_front();
         match (&frame, &self.expected) {
             (Some(frame), _) => {
-                self.delivered = Some((self.delivered.map_or(frame.pts.0, |(first, _)| first), frame.pts.0))
+                self.delivered = Some((self.delivered.map_or(frame.pts.0, |(first, _)| first), frame.pts.0));
             }
             (None, Some(span)) => self.check_span(span)?,
             (None, None) => {}
@@ -194,7 +192,7 @@ impl VideoReader {
         if self.report.bad_packets > 0 || self.report.truncated {
             tracing::warn!("{}: {}", self.name, self.report);
         }
-        match self.report.shortfall().filter(|_| self.strict) {
+        match self.report.shortfall().filter(|_| self.options.strict) {
             Some(shortfall) => Err(MediaError::cut_short(&self.name, &shortfall)),
             None => Ok(()),
         }

@@ -59,7 +59,7 @@ pub struct LineSet {
 
 /// The gray levels of a picture in which lines were searched.
 #[derive(Clone, Debug)]
-pub struct Searched {
+pub(crate) struct Searched {
     photo: Weak<Photo>,
     search: LineSearch,
 }

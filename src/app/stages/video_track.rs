@@ -72,7 +72,7 @@ impl Stage for TrackSettings {
             let recording = cached.and_then(|cached| cached.begin((info.width, info.height), context));
             analyzed(context, reader, tracker, recording, estimators)?
         };
-        hand_on_to_all(context, stage, motion, &tracks, || focal_px_of(&input).filter(|_| lens.is_none()))?;
+        hand_on_to_all(context, stage, &motion, &tracks, || focal_px_of(&input).filter(|_| lens.is_none()))?;
         context.values.put(stage, "tracks", tracks);
         Ok(HandedOn)
     }
@@ -154,7 +154,7 @@ pub(super) fn hand_on_motion(
 pub(super) fn hand_on_to_all(
     context: &mut Context<'_, '_>,
     stage: usize,
-    motion: ClipMotion,
+    motion: &ClipMotion,
     tracks: &Tracks,
     focal_px: impl Fn() -> Option<f64>,
 ) -> Result<(), RunError> {

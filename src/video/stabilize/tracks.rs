@@ -30,7 +30,9 @@ impl Tracks {
     pub fn background(&self, frames: Range<usize>) -> Result<WindowTracks, StabilizeError> {
         let window = frames.start;
         let mut frames = self.store.window(frames)?;
-        frames.iter_mut().for_each(|frame| frame.observations.retain(|o| o.background));
+        for frame in &mut frames {
+            frame.observations.retain(|o| o.background);
+        }
         Ok(WindowTracks { size: (self.width, self.height), window, frames })
     }
 

@@ -300,7 +300,7 @@ impl Task {
         };
         let made =
             self.instance().map(|instance| [instance.outputs(), instance.folders()].concat()).unwrap_or_default();
-        let made = made.iter().map(|path| to_text(path));
+        let made = made.iter().map(to_text);
         self.outputs.iter().cloned().chain(made).find(is_outside)
     }
 

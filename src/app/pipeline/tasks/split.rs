@@ -88,7 +88,7 @@ impl Task {
         let Some(first) = self.outputs.first() else { return String::new() };
         let digest = blake3::hash(self.key.as_bytes()).to_hex();
         let folder = to_path(first).parent().map(Path::to_owned).unwrap_or_default();
-        to_text(&folder.join(RECORDS_FOLDER).join(PARTS_FOLDER).join(format!("{}-{}", self.id, &digest[..16])))
+        to_text(folder.join(RECORDS_FOLDER).join(PARTS_FOLDER).join(format!("{}-{}", self.id, &digest[..16])))
     }
 
     /// Removes the parts that this task joined; to be called at the root.
@@ -232,7 +232,7 @@ impl Splitter<'_> {
             id,
             key: key_of(&order, &self.task.inputs)?,
             after,
-            outputs: instance.outputs().iter().map(|path| to_text(path)).collect(),
+            outputs: instance.outputs().iter().map(to_text).collect(),
             resources,
             part_of: Some(self.task.id.clone()),
             order,

@@ -71,7 +71,7 @@ impl PartName {
 
     /// The same as the text of a setting.
     pub(crate) fn text(self, folder: &str) -> String {
-        to_text(&self.in_folder(folder))
+        to_text(self.in_folder(folder))
     }
 }
 

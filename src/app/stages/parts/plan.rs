@@ -61,7 +61,7 @@ impl Stage for JoinWindowsSettings {
         if motion.frames.len() != self.frames {
             return Err(changed(input.name(), &format!("{} frames, then {}", self.frames, motion.frames.len())));
         }
-        hand_on_to_all(context, stage, motion, &tracks, || focal_px_of(&input))?;
+        hand_on_to_all(context, stage, &motion, &tracks, || focal_px_of(&input))?;
         context.values.put(stage, "tracks", tracks);
         Ok(HandedOn)
     }

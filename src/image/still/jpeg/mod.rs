@@ -2,20 +2,15 @@
 //!
 //! A restart marker lets a decoder begin anew: prediction starts from zero and the bits at a byte. Bands of whole rows of
 //! blocks, each coded as if it were a picture of its own with the same tables, therefore join to one picture by restart
-//! markers between them and one interval in the header (ITU-T T.81, E.1.4 and F.1.1.5.1). The header is that of an encoder for a
-//! picture of one pixel; its tables are read back for the coefficients (`blocks.rs`) and their bits (`scan.rs`).
+//! markers between them and one interval in the header (ITU-T T.81, E.1.4 and F.1.1.5.1).
 
-mod blocks;
-mod header;
 mod inks;
 mod multi_picture;
-mod scan;
 mod segments;
 
 use std::io::Write;
-use std::ops::Range;
 
-use jpeg_encoder::{ColorType, Encoder, EncodingError, SamplingFactor};
+use jpeg_encoder::{ChromaSubsamplingMethod, Encoder, EncodingError, ImageBuffer, JpegColorType, SamplingFactor};
 use rayon::prelude::*;
 
 pub(super) use inks::read_rgb;
@@ -26,9 +21,6 @@ pub(super) use segments::{Found, MAX_EXIF, MAX_IPTC, MAX_XMP, Written, exif_and_
 use super::save::check_side;
 use super::{StillError, StillFormat};
 use crate::{Frame, Layout, PlaneRef};
-use blocks::Rows;
-use header::{Huffman, Quantization, Tables};
-use scan::Bits;
 
 /// Quality from which chroma is not subsampled.
 const FULL_CHROMA: u8 = 90;
@@ -107,62 +99,43 @@ pub(super) fn encode(
     check_side(frame, StillFormat::Jpeg, 65_500)?;
     let planes: Vec<PlaneRef<'_, u8>> =
         (0..frame.format.planes()).map(|i| frame.plane8(i)).collect::<Option<_>>().ok_or(StillError::Layout)?;
-    let halved = frame.format.layout == Layout::Gbr && quality < FULL_CHROMA;
-    let header = header_of_pixel(planes.len() > 1, quality, metadata).map_err(|e| StillError::Encode(e.to_string()))?;
-    let odd = || StillError::Encode("the encoder wrote no tables".to_owned());
-    let coders = Coder::all(&Tables::of(&header), planes.len()).ok_or_else(odd)?;
-    let block = if halved { 16 } else { 8 };
+    let color = frame.format.layout == Layout::Gbr;
+    let block = if color && quality < FULL_CHROMA { 16 } else { 8 };
     let (across, down) = (frame.width.div_ceil(block), frame.height.div_ceil(block));
     let rows = down.div_ceil(BANDS).clamp(1, (MAX_INTERVAL / across).max(1));
-    let firsts: Vec<usize> = (0..down).step_by(rows).collect();
-    let band =
-        |first: usize| Band { planes: &planes, coders: &coders, blocks: first..(first + rows).min(down), halved };
-    let bands: Vec<Vec<u8>> = firsts.into_par_iter().map(|first| band(first).coded()).collect();
-    let size = (frame.width as u16, frame.height as u16);
-    join(&header, size, &bands, (rows * across) as u16, &mut out)
+    let bands: Vec<Band<'_>> = (0..down)
+        .step_by(rows)
+        .map(|row| Band { planes: &planes, first: row * block, height: (frame.height - row * block).min(rows * block) })
+        .collect();
+    let coded = bands.into_par_iter().enumerate().map(|(i, band)| {
+        let none = Written::default();
+        band.encode(quality, if i == 0 { metadata } else { &none }).map_err(|e| StillError::Encode(e.to_string()))
+    });
+    let coded: Vec<Vec<u8>> = coded.collect::<Result<_, _>>()?;
+    join(&coded, frame.height as u16, (rows * across) as u16, &mut out)
 }
 
-/// A file of one pixel: what a header of any size has but the size.
-fn header_of_pixel(color: bool, quality: u8, metadata: &Written<'_>) -> Result<Vec<u8>, EncodingError> {
-    let mut out = Vec::new();
-    let mut encoder = Encoder::new(&mut out, quality);
-    let full = quality >= FULL_CHROMA || !color;
-    encoder.set_sampling_factor(if full { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 });
-    metadata.add_to(&mut encoder)?;
-    if color {
-        encoder.encode(&[0; 3], 1, 1, ColorType::Rgb)?;
-    } else {
-        encoder.encode(&[0], 1, 1, ColorType::Luma)?;
-    }
-    Ok(out)
-}
-
-/// Writes the header with the size of the picture, and the bands as one scan.
-fn join(
-    header: &[u8],
-    (width, height): (u16, u16),
-    bands: &[Vec<u8>],
-    interval: u16,
-    out: &mut impl Write,
-) -> Result<(), StillError> {
+/// Writes the bands as one picture.
+fn join(bands: &[Vec<u8>], height: u16, interval: u16, out: &mut impl Write) -> Result<(), StillError> {
     let odd = || StillError::Encode("the encoder wrote no scan".to_owned());
     let mut write = |bytes: &[u8]| out.write_all(bytes).map_err(StillError::Write);
-    let (frame, scan) = landmarks(header).ok_or_else(odd)?;
-    // Height and width are behind the precision in the frame header.
-    write(&header[..=frame])?;
-    write(&height.to_be_bytes())?;
-    write(&width.to_be_bytes())?;
-    write(&header[frame + 5..scan])?;
-    if bands.len() > 1 {
-        let [high, low] = interval.to_be_bytes();
-        write(&[0xff, 0xdd, 0, 4, high, low])?;
-    }
-    write(&header[scan..segment(header, scan).ok_or_else(odd)?.end])?;
     for (i, band) in bands.iter().enumerate() {
-        if i > 0 {
+        let (frame, scan) = landmarks(band).ok_or_else(odd)?;
+        if i == 0 {
+            // Height stands behind the precision in the frame header.
+            write(&band[..=frame])?;
+            write(&height.to_be_bytes())?;
+            write(&band[frame + 3..scan])?;
+            if bands.len() > 1 {
+                let [high, low] = interval.to_be_bytes();
+                write(&[0xff, 0xdd, 0, 4, high, low])?;
+            }
+            write(&band[scan..band.len() - 2])?;
+        } else {
             write(&[0xff, 0xd0 + ((i - 1) % 8) as u8])?;
+            let scan = segment(band, scan).ok_or_else(odd)?;
+            write(&band[scan.end..band.len() - 2])?;
         }
-        write(band)?;
     }
     write(&[0xff, 0xd9])
 }
@@ -182,68 +155,57 @@ fn landmarks(bytes: &[u8]) -> Option<(usize, usize)> {
     }
 }
 
-/// The tables of a channel.
-struct Coder {
-    quantization: Quantization,
-    means: Huffman,
-    rest: Huffman,
-}
-
-impl Coder {
-    /// Those of luma, and where there are three channels of each color difference.
-    fn all(tables: &Tables, channels: usize) -> Option<Vec<Self>> {
-        let of = |kind: usize| {
-            let (quantization, means) = (tables.quantization[kind].clone()?, tables.means[kind].clone()?);
-            Some(Self { quantization, means, rest: tables.rest[kind].clone()? })
-        };
-        (0..channels).map(|channel| of(channel.min(1))).collect()
-    }
-}
-
-/// Rows of blocks of a picture.
+/// Rows of a picture, as a picture of its own.
 struct Band<'p> {
     planes: &'p [PlaneRef<'p, u8>],
-    coders: &'p [Coder],
-    blocks: Range<usize>,
-    /// Color differences have half the resolution.
-    halved: bool,
+    first: usize,
+    height: usize,
 }
 
 impl Band<'_> {
-    /// Its bits, as those of a scan of its own.
-    fn coded(&self) -> Vec<u8> {
-        let (width, height) = (self.planes[0].width(), self.planes[0].height());
-        let side = if self.halved { 16 } else { 8 };
-        let across = width.div_ceil(side);
-        let mut rows = Rows::new(across * side, side, self.planes.len());
-        let mut bits = Bits::with_capacity(width * side * self.blocks.len() / 4);
-        let (mut before, mut channels) = ([0; 3], [const { Vec::new() }; 4]);
-        for block in self.blocks.clone() {
-            for k in 0..side {
-                rows.take(self.planes, (block * side + k).min(height - 1), k);
-            }
-            if self.halved {
-                rows.halve_color(8);
-            }
-            // Luma of sixteen rows in two halves, and the color differences; or one row of blocks of each channel.
-            let parts: &[(usize, usize, usize)] = if self.halved {
-                &[(0, 0, 16), (0, 8, 16), (1, 0, 8), (2, 0, 8)]
-            } else {
-                &[(0, 0, 8), (1, 0, 8), (2, 0, 8)]
-            };
-            let parts = &parts[..if self.planes.len() == 1 { 1 } else { parts.len() }];
-            for ((channel, first, wide), blocks) in parts.iter().zip(&mut channels) {
-                rows.blocks(*channel, (*first, across * wide), &self.coders[*channel].quantization, blocks);
-            }
-            for x in 0..across {
-                for ((channel, _, wide), blocks) in parts.iter().zip(&channels) {
-                    let Coder { means, rest, .. } = &self.coders[*channel];
-                    for block in &blocks[x * wide / 8..][..wide / 8] {
-                        before[*channel] = bits.block(block, before[*channel], &means.codes, &rest.codes);
-                    }
-                }
-            }
+    fn encode(self, quality: u8, metadata: &Written<'_>) -> Result<Vec<u8>, EncodingError> {
+        let mut out = Vec::with_capacity(self.planes[0].width() * self.height / 2);
+        let mut encoder = Encoder::new(&mut out, quality);
+        let full = quality >= FULL_CHROMA || self.planes.len() == 1;
+        encoder.set_sampling_factor(if full { SamplingFactor::F_1_1 } else { SamplingFactor::F_2_2 });
+        encoder.set_chroma_subsampling_method(ChromaSubsamplingMethod::Average);
+        metadata.add_to(&mut encoder)?;
+        encoder.encode_image(self)?;
+        Ok(out)
+    }
+}
+
+/// Gray of a color difference and the rounding of its sums, in 16-bit fixed point.
+const CENTER: i32 = (128 << 16) + 32_767;
+
+impl ImageBuffer for Band<'_> {
+    fn get_jpeg_color_type(&self) -> JpegColorType {
+        if self.planes.len() == 1 { JpegColorType::Luma } else { JpegColorType::Ycbcr }
+    }
+
+    fn width(&self) -> u16 {
+        self.planes[0].width() as u16
+    }
+
+    fn height(&self) -> u16 {
+        self.height as u16
+    }
+
+    fn fill_buffers(&self, y: u16, buffers: &mut [Vec<u8>; 4]) {
+        let row = |i: usize| self.planes[i].row(self.first + usize::from(y));
+        if self.planes.len() == 1 {
+            buffers[0].extend_from_slice(row(0));
+            return;
         }
-        bits.finish()
+        let (g, b, r) = (row(0), row(1), row(2));
+        // JFIF's YCbCr = that of BT.601 over the full range, in 16-bit fixed point.
+        let mix = |w: [i32; 3], offset: i32| {
+            r.iter().zip(g).zip(b).map(move |((&r, &g), &b)| {
+                ((w[0] * i32::from(r) + w[1] * i32::from(g) + w[2] * i32::from(b) + offset) >> 16) as u8
+            })
+        };
+        buffers[0].extend(mix([19_595, 38_470, 7_471], 32_768));
+        buffers[1].extend(mix([-11_059, -21_709, 32_768], CENTER));
+        buffers[2].extend(mix([32_768, -27_439, -5_329], CENTER));
     }
 }

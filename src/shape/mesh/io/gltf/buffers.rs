@@ -119,13 +119,10 @@ impl<'a> Buffers<'a> {
     /// The bytes of a view; `user` is the JSON pointer of the value that references it, for errors.
     pub(super) fn view<'b>(&'b self, document: &Document, view: usize, user: &str) -> Result<View<'b>, MeshError> {
         let described = item(&document.buffer_views, view, user, "buffer view")?;
-        let bytes = match self.decoded.get(&view) {
-            Some(decoded) => decoded,
-            None => {
-                let at = format!("/bufferViews/{view}");
-                self.range(described.buffer, described.byte_offset, described.byte_length, &at)?
-            }
+        let raw = || {
+            self.range(described.buffer, described.byte_offset, described.byte_length, &format!("/bufferViews/{view}"))
         };
+        let bytes = self.decoded.get(&view).map_or_else(raw, |decoded| Ok(decoded.as_slice()))?;
         Ok(View { bytes, stride: described.byte_stride.filter(|&s| s > 0).map(|s| s as usize) })
     }
 
