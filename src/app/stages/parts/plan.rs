@@ -103,6 +103,10 @@ impl Stage for PlanSettings {
         let path: &VirtualPath = context.values.get(context.required(stage, "path")?)?;
         let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
         let inputs = RenderInputs { tracks, path, motion: Some(motion), warp: &self.warp, covered: self.covered };
+        let frames = motion.frames.len();
+        if let Some(chunk) = self.chunks.iter().find(|chunk| chunk.start >= chunk.end || chunk.end > frames) {
+            return Err(RunError::Input(format!("frames {chunk:?} of a clip of {frames}: make the plan again")));
+        }
         let models = select_models(&inputs, &context.job.run())?;
         let summary = PlanSummary::of(Some(motion), path, &models);
         let motion_text = exact(motion)?;

@@ -18,11 +18,24 @@ pub(crate) struct WindowsSettings {
     /// The folder of parts
     pub(crate) folder: String,
     /// Indices of the windows
+    #[serde(deserialize_with = "countable")]
     pub(crate) windows: Range<usize>,
     /// The frames that they are tracked through
     pub(crate) span: FrameSpan,
     /// How points are tracked
     pub(crate) track: TrackSettings,
+}
+
+/// Most analysis windows of a clip: of a week at 60 frames/s.
+const MAX_WINDOWS: usize = 1 << 16;
+
+/// Reads indices of windows. Plans come from other machines: the names of what a task writes are made before anything is opened.
+fn countable<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Range<usize>, D::Error> {
+    let windows = Range::<usize>::deserialize(deserializer)?;
+    if windows.start < windows.end && windows.end <= MAX_WINDOWS {
+        return Ok(windows);
+    }
+    Err(serde::de::Error::custom(format!("windows {windows:?} (expected some of the first {MAX_WINDOWS})")))
 }
 
 impl Stage for WindowsSettings {
@@ -67,5 +80,18 @@ impl Stage for WindowsSettings {
         }
         context.summary.frames = report.frames;
         Ok(HandedOn)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_that_no_clip_has_are_refused_when_they_are_read() {
+        for (start, end, valid) in [(0, 3, true), (3, 3, false), (4, 3, false), (0, usize::MAX, false)] {
+            let text = format!(r#"{{"windows": {{"start": {start}, "end": {end}}}}}"#);
+            assert_eq!(serde_json::from_str::<WindowsSettings>(&text).is_ok(), valid, "{text}");
+        }
     }
 }
