@@ -5,9 +5,13 @@ use plumbline::num::math::Point2;
 use std::ops::Range;
 
 use plumbline::num::run::{Run, Stopped};
+use plumbline::num::time::{Timebase, Timestamp};
 use plumbline::video::motion::sfm::{
     Reconstruction, Segment, SfmOptions, SfmVerdict, TrackTable, Windows, reconstruct, reconstruct_shot,
 };
+use plumbline::video::motion::{ClipMotion, FrameMotion, MotionQuality};
+use plumbline::video::stabilize::{CameraMotionOptions, CameraRecovery, Tracks};
+use plumbline::video::track::{FrameQuality, FrameTracks, Observation, TrackStore};
 
 use crate::support::shots::{Course, PathError, Shot, ShotOptions, path_error};
 
@@ -218,6 +222,48 @@ fn windows_give_the_cameras_of_one_solve_and_no_jump_where_they_meet() {
     assert!(two.position < 0.01 && two.frame_to_frame < 2e-4, "{two:?} beside {one:?}");
     let apart = path_error(&poses(&parted), &poses(&whole));
     assert!(apart.position < 0.01 && apart.frame_to_frame < 1e-4, "{apart:?}");
+}
+
+#[test]
+fn cameras_of_windows_do_not_depend_on_who_solves_which() {
+    let shot = Shot::new(&ShotOptions { seed: 34, frames: 130, noise_px: 0.2, ..ShotOptions::default() });
+    let mut store = TrackStore::new().expect("a temporary file");
+    let frames = shot.frames().into_iter().enumerate().map(|(k, points)| {
+        let observation = |(id, p): (u32, Point2)| Observation { id, x: p.x as f32, y: p.y as f32, background: true };
+        let inside = |o: &Observation| o.x >= 0.0 && o.y >= 0.0;
+        let observations = points.into_iter().map(observation).filter(inside).collect();
+        let quality = if k == 0 { MotionQuality::ShotStart } else { MotionQuality::Measured };
+        store
+            .push(&FrameTracks { pts: Timestamp(k as i64), observations, quality: FrameQuality::default() })
+            .expect("stored");
+        FrameMotion::still(Timestamp(k as i64), quality)
+    });
+    let timebase = Timebase { num: 1, den: 30 };
+    let motion = ClipMotion::new(640, 360, timebase, frames.collect());
+    let tracks = Tracks { store, width: 640, height: 360, timebase };
+    let windows = Windows { longest: 60, length: 60, overlap: 25 };
+    let (options, run) = (CameraMotionOptions::default(), Run::default());
+    let recovery = CameraRecovery::in_windows(&motion, &options, None, &windows);
+    let by = |cuts: &[usize]| {
+        let starts: Vec<Range<usize>> = cuts.windows(2).map(|w| w[0]..w[1]).collect();
+        let part = |starts: &Range<usize>| {
+            // A task has the tracks of its own part alone.
+            let frames = recovery.support(starts);
+            Tracks::of_parts([tracks.part(frames)], &motion).expect("of this clip")
+        };
+        let leading = starts.iter().flat_map(|s| recovery.leading(&part(s), s.clone(), &run).expect("never stopped"));
+        let leading: Vec<_> = leading.collect();
+        let others = |s: &Range<usize>| recovery.following(&part(s), s.clone(), &leading, &run).expect("never stopped");
+        let mut found: Vec<_> = starts.iter().rev().flat_map(others).collect();
+        assert_eq!((leading.len(), found.len()), (1, 2));
+        found.extend(leading.iter().cloned());
+        recovery.join(found).expect("all windows")
+    };
+    let whole = by(&[0, 130]);
+    assert!(whole.frames.iter().flatten().count() > 120 && whole.shots.len() == 1, "{:?}", whole.shots);
+    assert!(by(&[0, 30, 60, 130]) == whole && by(&[0, 1, 2, 129, 130]) == whole);
+    let missing = recovery.join(recovery.leading(&tracks, 0..130, &run).expect("never stopped"));
+    assert!(missing.expect_err("two windows are missing").to_string().contains("not of this clip"));
 }
 
 #[test]

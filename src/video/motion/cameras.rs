@@ -49,6 +49,15 @@ pub struct ShotCameras {
     pub figures: SfmFigures,
 }
 
+/// The segments that structure from motion found in one window of a shot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WindowCameras {
+    /// The frames of the window.
+    pub frames: Range<usize>,
+    /// Segments, which cover the window in order.
+    pub segments: Vec<Segment>,
+}
+
 impl ClipCameras {
     /// Index of the segment that a frame belongs to.
     pub fn segment_of(&self, frame: usize) -> Option<usize> {

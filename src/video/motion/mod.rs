@@ -13,7 +13,7 @@ mod rolling_shutter;
 pub mod sfm;
 mod verdict;
 
-pub use cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
+pub use cameras::{ClipCameras, FrameCamera, ShotCameras, WindowCameras, WorldPoint};
 pub use clip::{ClipMotion, MAX_BRIDGE};
 pub use estimator::MotionEstimator;
 #[cfg(feature = "schema")]

@@ -95,7 +95,7 @@ mod tracking;
 mod tracks;
 mod warp_solver;
 
-pub use camera_recovery::complete_motion;
+pub use camera_recovery::{CameraRecovery, complete_motion};
 pub use error::StabilizeError;
 pub use frame_maps::{FrameMaps, RenderInputs};
 pub use frame_models::FrameModels;

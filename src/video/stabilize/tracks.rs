@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::error::StabilizeError;
-use crate::motion::ClipMotion;
+use crate::motion::{ClipMotion, FrameMotion};
 use crate::track::{FrameQuality, FrameTracks, TrackStore, WindowTracks};
 use plumbline_num::math::Point2;
 use plumbline_num::time::Timebase;
@@ -22,39 +22,45 @@ pub struct Tracks {
 }
 
 impl Tracks {
-    /// The points of the background in `frames`, which are all that maps of frames take, with the index of the first frame as that of the
-    /// window.
+    /// The points in `frames`, with the index of the first frame as that of the window.
     ///
     /// # Errors
     /// [`StabilizeError::Store`].
-    pub fn background(&self, frames: Range<usize>) -> Result<WindowTracks, StabilizeError> {
+    pub fn part(&self, frames: Range<usize>) -> Result<WindowTracks, StabilizeError> {
         let window = frames.start;
-        let mut frames = self.store.window(frames)?;
-        for frame in &mut frames {
-            frame.observations.retain(|o| o.background);
-        }
-        Ok(WindowTracks { size: (self.width, self.height), window, frames })
+        Ok(WindowTracks { size: (self.width, self.height), window, frames: self.store.window(frames)? })
     }
 
-    /// The tracks of the clip of `motion`, of which those of some frames are known: [`Self::background`] read back.
+    /// The tracks of the clip of `motion`, of which those in `parts` are known: [`Self::part`] read back, in order.
     ///
     /// # Errors
     /// [`StabilizeError::Input`] for points of another clip; [`StabilizeError::Store`].
-    pub fn of_background(known: &WindowTracks, motion: &ClipMotion) -> Result<Self, StabilizeError> {
+    pub fn of_parts<E: From<StabilizeError>>(
+        parts: impl IntoIterator<Item = Result<WindowTracks, E>>,
+        motion: &ClipMotion,
+    ) -> Result<Self, E> {
         let (width, height) = (motion.width as usize, motion.height as usize);
-        let frames = known.window..known.window.saturating_add(known.frames.len());
-        let times = motion.frames.get(frames.clone()).map(|frames| frames.iter().map(|f| f.pts));
-        if known.size != (width, height) || !times.is_some_and(|times| times.eq(known.frames.iter().map(|f| f.pts))) {
-            return Err(StabilizeError::Input("the tracks of a part are not of this clip; plan it again".to_owned()));
-        }
-        let mut store = TrackStore::new()?;
-        for (index, frame) in motion.frames.iter().enumerate() {
-            let (pts, quality) = (frame.pts, FrameQuality::default());
-            match index.checked_sub(frames.start).and_then(|k| known.frames.get(k)) {
-                Some(known) => store.push(known)?,
-                None => store.push(&FrameTracks { pts, observations: Vec::new(), quality })?,
+        let mut store = TrackStore::new().map_err(StabilizeError::from)?;
+        let mut push = |tracks: &FrameTracks| store.push(tracks).map_err(StabilizeError::from);
+        let unknown = |frame: &FrameMotion| {
+            let quality = FrameQuality::default();
+            FrameTracks { pts: frame.pts, observations: Vec::new(), quality }
+        };
+        let mut next = 0;
+        for part in parts {
+            let part = part?;
+            let frames = part.window..part.window.saturating_add(part.frames.len());
+            let times = motion.frames.get(frames.clone()).map(|frames| frames.iter().map(|f| f.pts));
+            let fits = times.is_some_and(|times| times.eq(part.frames.iter().map(|f| f.pts)));
+            if part.size != (width, height) || frames.start < next || !fits {
+                let text = "the tracks of a part are not of this clip; plan it again".to_owned();
+                return Err(StabilizeError::Input(text).into());
             }
+            motion.frames[next..frames.start].iter().try_for_each(|frame| push(&unknown(frame)))?;
+            part.frames.iter().try_for_each(&mut push)?;
+            next = frames.end;
         }
+        motion.frames[next..].iter().try_for_each(|frame| push(&unknown(frame)))?;
         Ok(Self { store, width, height, timebase: motion.timebase })
     }
 }

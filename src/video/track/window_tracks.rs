@@ -1,12 +1,14 @@
-//! The tracks of one analysis window, and their file: written by one task, read by the one that joins.
+//! The tracks of some frames of a clip, and their file: those of an analysis window, written by one task and read by the one that joins;
+//! or joined ones, for the tasks that need a part of them.
 //!
 //! A line of JSON, then the frames in little-endian binary. Positions are those of the tracker, bit for bit, so that windows that were
 //! written and read join to the same clip as windows that were not. The file is no format for exchange: the tracks of a clip are in its
 //! motion file.
 //!
 //! ```text
-//! {"format":"plumbline.window","version":1,"width":640,"height":360,"window":2,"frames":616}
+//! {"format":"plumbline.window","version":2,"width":640,"height":360,"window":2,"frames":616}
 //! per frame:   i64 pts,  f32 sharpness,  u32 flags,  u32 bridged,  u32 n,  n × (u32 id,  f32 x,  f32 y)
+//!              ⌈n/8⌉ bytes: bit k % 8 of byte k / 8 is set where point k is of the background
 //! ```
 
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
@@ -19,7 +21,7 @@ use plumbline_num::time::Timestamp;
 /// The name in a file's `format` field.
 const FORMAT: &str = "plumbline.window";
 /// The only version.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Longest first line, bytes: four times the longest that is written.
 const MAX_HEADER: u64 = 512;
 /// Bytes of a frame without its observations, and of an observation.
@@ -28,14 +30,14 @@ const OBSERVATION: usize = 12;
 /// Observations that a tracker can have in a frame: twice the greatest number of points, with the rounding of the buckets.
 const MAX_OBSERVATIONS: u32 = 1 << 18;
 
-/// The tracks of one analysis window, its warm-up included. Ids are the window's own.
+/// The tracks of some frames of a clip: of one analysis window, its warm-up included, with ids of its own; or joined ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WindowTracks {
     /// Width and height of the picture, px.
     pub size: (usize, usize),
-    /// Index of the window.
+    /// Index of the window; of joined ones that of the first frame.
     pub window: usize,
-    /// The frames that the window's tracker read, in order.
+    /// The frames, in order.
     pub frames: Vec<FrameTracks>,
 }
 
@@ -50,7 +52,7 @@ pub enum WindowFileError {
     #[error("window file: {0}; analyze the window again")]
     Invalid(String),
     /// The file was made by a program of another version.
-    #[error("window file version {found} is not supported (expected 1); analyze the window again")]
+    #[error("window file version {found} is not supported (expected 2); analyze the window again")]
     Version {
         /// Value of `version`.
         found: u32,
@@ -129,7 +131,8 @@ fn write_frame(out: &mut impl Write, frame: &FrameTracks) -> io::Result<()> {
     for o in &frame.observations {
         [o.id, o.x.to_bits(), o.y.to_bits()].iter().try_for_each(|word| out.write_all(&word.to_le_bytes()))?;
     }
-    Ok(())
+    let byte = |eight: &[Observation]| eight.iter().rev().fold(0, |byte, o| byte << 1 | u8::from(o.background));
+    out.write_all(&frame.observations.chunks(8).map(byte).collect::<Vec<u8>>())
 }
 
 fn read_frame(input: &mut impl Read, size: (usize, usize)) -> Result<FrameTracks, WindowFileError> {
@@ -157,6 +160,11 @@ fn read_frame(input: &mut impl Read, size: (usize, usize)) -> Result<FrameTracks
         }
         observations.push(Observation { id, x, y, background: true });
     }
+    for eight in observations.chunks_mut(8) {
+        let mut byte = [0];
+        filled(input, &mut byte)?;
+        eight.iter_mut().enumerate().for_each(|(k, o)| o.background = byte[0] >> k & 1 == 1);
+    }
     Ok(FrameTracks { pts, observations, quality })
 }
 
@@ -176,7 +184,7 @@ mod tests {
         let mut frame = |k: i64| {
             let ids = (0..rng.u32(0..40)).map(|i| 7 * i + k as u32);
             let observations = ids.collect::<Vec<_>>().into_iter();
-            let at = |id| Observation { id, x: 640.0 * rng.f32(), y: 360.0 * rng.f32(), background: true };
+            let at = |id| Observation { id, x: 640.0 * rng.f32(), y: 360.0 * rng.f32(), background: rng.u32(0..3) > 0 };
             let observations = observations.map(at).collect();
             let quality = FrameQuality {
                 sharpness: 0.1 + k as f32,
@@ -224,8 +232,8 @@ mod tests {
             refused(&[line.as_bytes(), &good[body..]].concat())
         };
         assert_eq!(
-            header("\"version\":1", "\"version\":2"),
-            "window file version 2 is not supported (expected 1); analyze the window again"
+            header("\"version\":2", "\"version\":1"),
+            "window file version 1 is not supported (expected 2); analyze the window again"
         );
         assert!(header("plumbline.window", "plumbline.motion").contains("format is \"plumbline.motion\""));
         assert!(header("\"width\":640", "\"width\":20").contains("(expected within 20 × 360 px)"));

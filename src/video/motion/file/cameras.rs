@@ -14,9 +14,9 @@ use std::io::Write;
 use serde::{Deserialize, Serialize};
 
 use super::{MotionFileError, VERSION, value, write_block};
-use crate::motion::cameras::{ClipCameras, FrameCamera, ShotCameras, WorldPoint};
+use crate::motion::cameras::{ClipCameras, FrameCamera, ShotCameras, WindowCameras, WorldPoint};
 use crate::motion::exchange::colmap::rotation_of;
-use crate::motion::sfm::{SfmFigures, SfmVerdict};
+use crate::motion::sfm::{Segment, SfmFigures, SfmVerdict};
 use plumbline_camera::{CameraPose, Intrinsics, Point3, Vec3};
 use plumbline_num::document::Kind;
 use plumbline_num::math::Point2;
@@ -132,12 +132,37 @@ impl InSpace {
 
 /// Cameras alone, for a later run on the same tracks.
 const CAMERAS: Kind = Kind { name: "a file of cameras", format: "plumbline.cameras", max_bytes: 1 << 32 };
+/// Cameras of windows, for the task that joins them.
+const WINDOWS: Kind =
+    Kind { name: "a file of cameras of windows", format: "plumbline.window_cameras", max_bytes: 1 << 32 };
 
 /// A file of cameras.
 #[derive(Serialize, Deserialize)]
 struct CamerasFile {
     format: String,
     version: u32,
+    found: Found,
+}
+
+/// A file of the cameras of windows.
+#[derive(Serialize, Deserialize)]
+struct WindowsFile {
+    format: String,
+    version: u32,
+    windows: Vec<WindowEntry>,
+}
+
+/// A window. Frames of its segments count from its first one.
+#[derive(Serialize, Deserialize)]
+struct WindowEntry {
+    /// First frame, and the one after the last.
+    frames: [usize; 2],
+    found: Found,
+}
+
+/// The blocks of a motion file with cameras, all of them there.
+#[derive(Serialize, Deserialize)]
+struct Found {
     cameras: Vec<Option<CameraEntry>>,
     points: Vec<PointEntry>,
     reconstruction: Vec<ShotEntry>,
@@ -150,14 +175,7 @@ impl ClipCameras {
     /// # Errors
     /// [`MotionFileError::Io`]: none is known.
     pub fn to_json(&self) -> Result<String, MotionFileError> {
-        let shots = self.shots.iter();
-        let file = CamerasFile {
-            format: CAMERAS.format.to_owned(),
-            version: VERSION,
-            cameras: self.frames.iter().map(|c| c.map(CameraEntry::from)).collect(),
-            points: self.points.iter().copied().map(PointEntry::from).collect(),
-            reconstruction: shots.map(ShotEntry::from).collect(),
-        };
+        let file = CamerasFile { format: CAMERAS.format.to_owned(), version: VERSION, found: self.into() };
         Ok(serde_json::to_string(&file).map_err(std::io::Error::from)?)
     }
 
@@ -166,7 +184,78 @@ impl ClipCameras {
     /// # Errors
     /// [`MotionFileError`]: not JSON, another format or version, a value out of range, a number of a frame or a shot out of range.
     pub fn from_json(text: &str) -> Result<Self, MotionFileError> {
-        let CamerasFile { cameras, points, reconstruction, .. } = CAMERAS.parse(text)?;
+        CAMERAS.parse::<CamerasFile>(text)?.found.cameras()
+    }
+}
+
+impl WindowCameras {
+    /// Windows as JSON. [`Self::from_json`] restores them bit for bit, if all numbers are finite.
+    ///
+    /// # Errors
+    /// [`MotionFileError::Io`]: none is known.
+    pub fn to_json(windows: &[Self]) -> Result<String, MotionFileError> {
+        let entry = |window: &Self| {
+            let mut found = ClipCameras::default();
+            for segment in &window.segments {
+                let inside = |frame: usize| frame - window.frames.start;
+                let frames = inside(segment.frames.start)..inside(segment.frames.end);
+                found.push(Segment { frames, ..segment.clone() });
+            }
+            WindowEntry { frames: [window.frames.start, window.frames.end], found: (&found).into() }
+        };
+        let windows = windows.iter().map(entry).collect();
+        let file = WindowsFile { format: WINDOWS.format.to_owned(), version: VERSION, windows };
+        Ok(serde_json::to_string(&file).map_err(std::io::Error::from)?)
+    }
+
+    /// The windows of [`Self::to_json`].
+    ///
+    /// # Errors
+    /// [`MotionFileError`], as for [`ClipCameras::from_json`]; segments that do not follow each other, or do not cover their window.
+    pub fn from_json(text: &str) -> Result<Vec<Self>, MotionFileError> {
+        let windows = WINDOWS.parse::<WindowsFile>(text)?.windows;
+        windows.into_iter().enumerate().map(|(k, entry)| entry.window(k)).collect()
+    }
+}
+
+impl WindowEntry {
+    /// The window, which is number `k` of its file.
+    fn window(self, k: usize) -> Result<WindowCameras, MotionFileError> {
+        let [start, end] = self.frames;
+        let ClipCameras { mut frames, points, shots } = self.found.cameras()?;
+        let covered = shots.iter().try_fold(0, |at, shot| (shot.frames.start == at).then_some(shot.frames.end));
+        if end.checked_sub(start) != Some(frames.len()) || covered != Some(frames.len()) {
+            let expected = "segments that cover a window, one behind the other";
+            return Err(value(format!("windows[{k}].frames"), format!("{:?}", self.frames), expected));
+        }
+        let mut of_shot: Vec<Vec<(u32, Point3)>> = vec![Vec::new(); shots.len()];
+        for point in points {
+            of_shot[point.shot as usize].push((point.id, point.position));
+        }
+        let segment = |(shot, points): (ShotCameras, Vec<(u32, Point3)>)| {
+            let ShotCameras { frames: inside, verdict, reason, figures } = shot;
+            let cameras = frames.drain(..inside.len()).collect();
+            Segment { frames: start + inside.start..start + inside.end, cameras, points, verdict, reason, figures }
+        };
+        let segments = shots.into_iter().zip(of_shot).map(segment).collect();
+        Ok(WindowCameras { frames: start..end, segments })
+    }
+}
+
+impl From<&ClipCameras> for Found {
+    fn from(cameras: &ClipCameras) -> Self {
+        Self {
+            cameras: cameras.frames.iter().map(|c| c.map(CameraEntry::from)).collect(),
+            points: cameras.points.iter().copied().map(PointEntry::from).collect(),
+            reconstruction: cameras.shots.iter().map(ShotEntry::from).collect(),
+        }
+    }
+}
+
+impl Found {
+    /// The cameras, checked.
+    fn cameras(self) -> Result<ClipCameras, MotionFileError> {
+        let Self { cameras, points, reconstruction } = self;
         let (frames, shots) = (cameras.len(), reconstruction.len());
         if let Some(k) = points.iter().position(|point| point.shot as usize >= shots) {
             return Err(value(format!("points[{k}].shot"), points[k].shot, "a shot of the reconstruction"));
@@ -265,6 +354,49 @@ mod tests {
         let again = ClipCameras::from_json(&text).expect("just written");
         assert_eq!(again, cameras);
         assert_eq!(again.to_json().expect("finite"), text);
+    }
+
+    fn windows() -> Vec<WindowCameras> {
+        let ClipCameras { frames, shots, .. } = cameras();
+        let segment = |shot: &ShotCameras, points| Segment {
+            frames: 600 + shot.frames.start..600 + shot.frames.end,
+            cameras: frames[shot.frames.clone()].to_vec(),
+            points,
+            verdict: shot.verdict,
+            reason: shot.reason.clone(),
+            figures: shot.figures,
+        };
+        let points = vec![(3, Point3::new(0.1, -2.0, 1.0 / 3.0)), (9, Point3::new(1e-9, 0.0, 5.0))];
+        let first =
+            WindowCameras { frames: 0..4, segments: vec![Segment::unknown(0..4, SfmVerdict::Zoom, String::new())] };
+        let second = vec![segment(&shots[0], Vec::new()), segment(&shots[1], points)];
+        vec![first, WindowCameras { frames: 600..650, segments: second }]
+    }
+
+    #[test]
+    fn windows_come_back_bit_for_bit_from_their_file() {
+        let windows = windows();
+        let text = WindowCameras::to_json(&windows).expect("finite");
+        assert_eq!(WindowCameras::from_json(&text).expect("just written"), windows);
+        assert_eq!(WindowCameras::from_json(&WindowCameras::to_json(&[]).expect("empty")).expect("empty"), []);
+    }
+
+    #[test]
+    fn windows_that_their_segments_do_not_cover_are_refused() {
+        let text = WindowCameras::to_json(&windows()).expect("finite");
+        for (from, to, expected) in [
+            ("\"frames\":[600,650]", "\"frames\":[600,651]", "windows[1].frames"),
+            ("\"frames\":[600,650]", "\"frames\":[650,600]", "windows[1].frames"),
+            ("\"frames\":[2,50]", "\"frames\":[3,50]", "windows[1].frames"),
+            ("\"frames\":[2,50]", "\"frames\":[2,49]", "windows[1].frames"),
+            ("\"frames\":[2,50]", "\"frames\":[2,9000000000]", "reconstruction[1].frames"),
+            ("\"shot\":1", "\"shot\":2", "points[0].shot"),
+            ("plumbline.window_cameras", "plumbline.cameras", "plumbline.window_cameras"),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let fault = WindowCameras::from_json(&text.replacen(from, to, 1)).expect_err(to).to_string();
+            assert!(fault.contains(expected), "{to}: {fault}");
+        }
     }
 
     #[test]

@@ -63,4 +63,4 @@ pub use triangulate::{Triangulated, View, triangulate};
 pub use two_view::{TwoView, TwoViewOptions, TwoViewScores, TwoViewVerdict, two_view};
 pub use verdict::SfmVerdict;
 pub use view_graph_focal::view_graph_focal;
-pub use windows::{Windows, reconstruct_shot};
+pub use windows::{ShotWindows, Windows, reconstruct_shot};

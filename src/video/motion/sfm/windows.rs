@@ -1,9 +1,9 @@
 //! Reconstruction of a shot of any length in overlapping windows.
 //!
-//! Each window is solved alone, so that memory contains the observations of one window only. The focal length
-//! estimated in a window is the prior of the next one. Adjacent windows are aligned by their common cameras and points
-//! ([`super::join`]); if the difference would be visible, the shot is split there and the parts keep coordinate
-//! systems of their own.
+//! Each window is solved alone, so that memory contains the observations of one window only, and so that windows can be solved on
+//! several machines. The focal length of the first window that shows one is the prior of the others: the *leading* windows of a shot
+//! are solved in order until one does, all others in any order. Adjacent windows are aligned by their common cameras and points
+//! ([`super::join`]); if the difference would be visible, the shot is split there and the parts keep coordinate systems of their own.
 //!
 //! Within a window the cameras that do not explain their frame are removed. If a window as a whole has no accepted
 //! cameras, the stretches that do are solved alone.
@@ -22,7 +22,9 @@ pub(super) const MIN_WINDOW_FRAMES: usize = 25;
 const BRIDGED: usize = 8;
 /// Maximum recursion depth of the splitting of a stretch: no frame is solved more than three times.
 const DEPTH: usize = 2;
-/// Minimum standard deviation of `ln f` in the prior from the previous window: it moves the border of the picture by 0.6 px at
+/// Most leading windows: what no window of the first minute shows is not worth the waiting of all others.
+const LEADING: usize = 3;
+/// Minimum standard deviation of `ln f` in the prior from a leading window: it moves the border of the picture by 0.6 px at
 /// 640 px across, the accuracy of tracks.
 const STEADY_FOCAL: f64 = 2e-3;
 
@@ -70,30 +72,107 @@ pub fn reconstruct_shot<E: From<Stopped>>(
     windows: &Windows,
     run: &Run,
 ) -> Result<Vec<Segment>, E> {
-    let mut options = *options;
-    let mut segments: Vec<Segment> = Vec::new();
-    for window in windows.of(shot) {
-        let mut unit = 1.0;
-        let mut read = |frames: Range<usize>| {
-            let table = read(frames)?;
-            unit = table.unit_px();
-            Ok::<_, E>(table)
-        };
-        let found = solved(window, &mut read, &options, DEPTH, run)?;
-        if let Some(focal) = found.iter().rev().find_map(focal_of).filter(|_| options.focal.is_none()) {
-            options.focal = Some(focal);
-        }
-        for segment in found {
-            push(&mut segments, segment, unit);
-        }
+    let windows = ShotWindows::new(shot, windows);
+    let mut unit_px = 1.0;
+    let mut read = |frames: Range<usize>| {
+        let table = read(frames)?;
+        unit_px = table.unit_px();
+        Ok::<_, E>(table)
+    };
+    let mut found = windows.solve_leading(&mut read, options, run)?;
+    let options = ShotWindows::following(options, found.iter().map(Vec::as_slice));
+    for window in &windows.ranges()[found.len()..] {
+        found.push(ShotWindows::solve(window, &mut read, &options, run)?);
     }
-    Ok(segments)
+    Ok(ShotWindows::join(found, unit_px))
 }
 
-/// Focal length of a segment, and the standard deviation of `ln f` in the prior of the next one: three times its own.
-fn focal_of(segment: &Segment) -> Option<(f64, f64)> {
-    let sigma = segment.figures.sigma_ln_focal.filter(|_| segment.verdict == SfmVerdict::ThreeD)?;
-    Some((segment.figures.focal, (3.0 * sigma).max(STEADY_FOCAL)))
+/// The windows of a shot, in order, each solved by a call of its own: [`reconstruct_shot`] in parts.
+///
+/// ```
+/// use plumbline_video::motion::sfm::{ShotWindows, Windows};
+///
+/// let windows = ShotWindows::new(100..2500, &Windows::default());
+/// assert_eq!(windows.ranges().first(), Some(&(100..700)));
+/// assert_eq!(windows.ranges().len(), 5);
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ShotWindows {
+    ranges: Vec<Range<usize>>,
+}
+
+impl ShotWindows {
+    /// The windows of the frames `shot`.
+    pub fn new(shot: Range<usize>, windows: &Windows) -> Self {
+        Self { ranges: windows.of(shot) }
+    }
+
+    /// The frames of each window.
+    pub fn ranges(&self) -> &[Range<usize>] {
+        &self.ranges
+    }
+
+    /// The windows that may have to be solved before the others; none where the focal length is known.
+    pub fn leading(&self, options: &SfmOptions) -> &[Range<usize>] {
+        &self.ranges[..if options.focal.is_some() { 0 } else { LEADING.min(self.ranges.len()) }]
+    }
+
+    /// Solves the leading windows, up to the first that shows the focal length. `read` returns the tracks of a range of frames, the
+    /// first of them as frame 0. The segments of each window cover it in order.
+    ///
+    /// # Errors
+    /// Those of `read`; [`Stopped`].
+    pub fn solve_leading<E: From<Stopped>>(
+        &self,
+        mut read: impl FnMut(Range<usize>) -> Result<TrackTable, E>,
+        options: &SfmOptions,
+        run: &Run,
+    ) -> Result<Vec<Vec<Segment>>, E> {
+        let mut found: Vec<Vec<Segment>> = Vec::new();
+        for window in self.leading(options) {
+            found.push(solved(window.clone(), &mut read, options, DEPTH, run)?);
+            if found.last().is_some_and(|segments| focal_prior(segments).is_some()) {
+                break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Solves one of the other windows, with the options that the leading ones give ([`Self::following`]).
+    ///
+    /// # Errors
+    /// Those of `read`; [`Stopped`].
+    pub fn solve<E: From<Stopped>>(
+        window: &Range<usize>,
+        mut read: impl FnMut(Range<usize>) -> Result<TrackTable, E>,
+        options: &SfmOptions,
+        run: &Run,
+    ) -> Result<Vec<Segment>, E> {
+        solved(window.clone(), &mut read, options, DEPTH, run)
+    }
+
+    /// The options of the windows behind the leading ones, of which these segments are.
+    pub fn following<'a>(options: &SfmOptions, leading: impl IntoIterator<Item = &'a [Segment]>) -> SfmOptions {
+        SfmOptions { focal: options.focal.or_else(|| leading.into_iter().find_map(focal_prior)), ..*options }
+    }
+
+    /// The segments of the shot from those of its windows, in order, in pictures `unit_px` times 640 px across.
+    pub fn join(found: impl IntoIterator<Item = Vec<Segment>>, unit_px: f64) -> Vec<Segment> {
+        let mut segments: Vec<Segment> = Vec::new();
+        for segment in found.into_iter().flatten() {
+            push(&mut segments, segment, unit_px);
+        }
+        segments
+    }
+}
+
+/// The focal length that the segments of a window show, and the standard deviation of `ln f` in the prior of other windows: three times
+/// its own.
+fn focal_prior(segments: &[Segment]) -> Option<(f64, f64)> {
+    segments.iter().rev().find_map(|segment| {
+        let sigma = segment.figures.sigma_ln_focal.filter(|_| segment.verdict == SfmVerdict::ThreeD)?;
+        Some((segment.figures.focal, (3.0 * sigma).max(STEADY_FOCAL)))
+    })
 }
 
 /// Appends a segment, merging it with the last one if they share frames and fit.
