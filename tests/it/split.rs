@@ -43,21 +43,22 @@ fn a_clip_in_parts_is_the_clip_at_once() {
     let ids = ids(parts);
     let stem = ids.last().expect("tasks").clone();
     let named = |name: &str| format!("{stem}.{name}");
-    let expected = ["tracks-0", "tracks-1", "plan", "render-0", "render-1", "render-2"].map(named);
-    assert_eq!(ids[..6], expected);
+    let expected = ["tracks-0", "tracks-1", "motion", "plan", "render-0", "render-1", "render-2"].map(named);
+    assert_eq!(ids[..7], expected);
 
     // In the wrong order nothing is lost: what is missing may come.
-    let early = run_task(parts, &expected[3]);
+    let early = run_task(parts, &expected[4]);
     assert!(early.status.code() == Some(75), "{:?} {}", early.status, err(&early));
-    for id in &ids[..5] {
-        assert!(run_task(parts, id).status.success(), "{id}");
+    for id in &ids[..6] {
+        let task = run_task(parts, id);
+        assert!(task.status.success(), "{id}: {}", err(&task));
     }
     let early = run_task(parts, &stem);
     assert!(early.status.code() == Some(75), "{:?} {}", early.status, err(&early));
     assert!(!parts.join("out/clip.mkv").exists() && !parts.join("motion.json").exists());
-    let again = run_task(parts, &expected[4]);
+    let again = run_task(parts, &expected[5]);
     assert!(err(&again).contains("up to date"), "{}", err(&again));
-    for id in &ids[5..] {
+    for id in &ids[6..] {
         let task = run_task(parts, id);
         assert!(task.status.success(), "{id}: {}", err(&task));
     }
@@ -70,7 +71,7 @@ fn a_clip_in_parts_is_the_clip_at_once() {
 
     // Parts are gone, and what was made of them counts as done, for each task and for the pipeline.
     assert_eq!(names(&parts.join(".plumbline")), ["done.jsonl", "logs"]);
-    for id in [&ids[0], &ids[2], &ids[4], &stem] {
+    for id in [&ids[0], &ids[2], &ids[5], &stem] {
         let task = run_task(parts, id);
         assert!(task.status.success() && err(&task).contains("up to date"), "{id}: {}", err(&task));
     }
@@ -91,7 +92,8 @@ fn short_clips_and_other_work_stay_one_task() {
         (ids(folder).len(), err(&planned))
     };
     assert_eq!(plan(&[], "3").0, 1);
-    assert_eq!(plan(&[], "1").0, 1 + 1 + 4 + 1);
+    assert_eq!(plan(&[], "1").0, 1 + 1 + 4 + 4 + 1 + 4 + 1);
+    assert_eq!(plan(&["--mode", "mesh"], "1").0, 1 + 1 + 1 + 4 + 1);
     // What is in the place of the result is refused before any part is made.
     std::fs::write(folder.join("out.mp4"), "another").expect("written");
     let task = run_task(folder, &ids(folder)[0]);

@@ -1,10 +1,12 @@
 //! A long clip as a graph of tasks: its analysis windows, its plan, its chunks, and their joining.
 //!
 //! ```text
-//! tour.mp4.tracks-0 ─┐               ┌─ tour.mp4.render-0 ─┐
-//! tour.mp4.tracks-1 ─┼─ tour.mp4.plan ┼─ tour.mp4.render-1 ─┼─ tour.mp4
-//! tour.mp4.tracks-2 ─┘               └─ tour.mp4.render-2 ─┘
+//! tracks-0 ─┐         ┌─ leading-0 ─┬─ cameras-0 ─┐       ┌─ render-0 ─┐
+//! tracks-1 ─┼─ motion ┼─ leading-1 ─┼─ cameras-1 ─┼─ plan ┼─ render-1 ─┼─ tour.mp4
+//! tracks-2 ─┘         └─ leading-2 ─┴─ cameras-2 ─┘       └─ render-2 ─┘
 //! ```
+//!
+//! All names but the last begin with `tour.mp4.`. Where no cameras are asked for, the plan follows the motion.
 //!
 //! The last one is the task of the whole clip: what it makes counts as done for all others too, for other engines and for
 //! `plumbline run`. Parts are in a folder of their own beside the result, which the last task removes.
@@ -25,7 +27,10 @@ use crate::pipeline::paths::{to_path, to_text};
 use crate::pipeline::plan::Plan;
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::worker::Order;
-use crate::stages::parts::{ChunkSettings, ClipParts, JoinWindowsSettings, PartName, PlanSettings, WindowsSettings};
+use crate::stages::parts::{
+    CamerasPartSettings, ChunkSettings, Chunks, ClipParts, KnownTracksSettings, MAX_CHUNKS, MotionPartSettings,
+    PartName, PlanSettings, WindowsSettings,
+};
 use crate::stages::{
     Border, DecodeSettings, EncodeSettings, EncoderChoice, MotionExportSettings, MotionSettings, RenderSettings,
     SmoothSettings, TrackSettings, WarpSettings, find_in_task,
@@ -67,7 +72,12 @@ impl TaskPlan {
                 }
                 Ok(stages) => {
                     let times = runner.frame_times(&path, decode)?;
-                    tasks.extend(Splitter { task, instance: &instance, stages, times }.tasks(chunks, &mut ids)?);
+                    if times.is_empty() {
+                        tasks.push(task);
+                        continue;
+                    }
+                    let chunks = Chunks::new(times.len(), chunks);
+                    tasks.extend(Splitter { task, instance: &instance, stages, times, chunks }.tasks(&mut ids)?);
                 }
             }
         }
@@ -75,9 +85,6 @@ impl TaskPlan {
         Ok(notes)
     }
 }
-
-/// Most chunks of a clip: their names have four digits.
-const MAX_CHUNKS: usize = 9_999;
 
 impl Task {
     /// The folder of the parts that this task joins, relative to the root; empty for a task that has no results.
@@ -111,6 +118,7 @@ impl Task {
 struct Stabilization {
     decode: usize,
     track: usize,
+    motion: usize,
     warp: usize,
     render: usize,
     encode: usize,
@@ -142,7 +150,7 @@ impl Stabilization {
         if let Some(other) = (0..stages.len()).find(|at| !known.contains(at)) {
             return Err(format!("stage `{}` needs the whole clip", stages[other].name));
         }
-        let this = Self { decode, track, warp, render, encode, export };
+        let this = Self { decode, track, motion, warp, render, encode, export };
         this.check(stages).map_or(Ok(this), Err)
     }
 
@@ -183,35 +191,41 @@ struct Splitter<'a> {
     instance: &'a Instance,
     stages: Stabilization,
     times: Vec<Timestamp>,
+    chunks: Chunks,
 }
 
 impl Splitter<'_> {
-    /// The tasks of the clip with `chunks` chunks, in their order.
-    fn tasks(self, chunks: usize, ids: &mut Ids) -> Result<Vec<Task>, RunError> {
-        let frames = self.times.len();
-        let windows = AnalysisWindows::default();
-        let count = windows.count(frames);
-        let chunks = chunks.min(frames);
-        let mut tasks = Vec::new();
-        let part = |from: usize, of: usize, total: usize| from * total / of;
-        let groups = chunks.min(count);
-        for group in 0..groups {
-            let group = part(group, groups, count)..part(group + 1, groups, count);
-            let graph = self.windows(&windows, group)?;
-            tasks.push(self.part(ids.next(&format!("{}.tracks-{}", self.task.id, tasks.len())), graph, Vec::new())?);
-        }
+    /// The tasks of the clip, in their order.
+    fn tasks(self, ids: &mut Ids) -> Result<Vec<Task>, RunError> {
+        let mut tasks: Vec<Task> = Vec::new();
         let named = |tasks: &[Task]| tasks.iter().map(|task| task.id.clone()).collect::<Vec<_>>();
-        let spans = (0..chunks).map(|chunk| self.span(part(chunk, chunks, frames)..part(chunk + 1, chunks, frames)));
-        let spans = spans.collect::<Result<Vec<_>, _>>()?;
-        let mut plan = self.part(ids.next(&format!("{}.plan", self.task.id)), self.plan(&spans), named(&tasks))?;
-        plan.resources.cpus = self.task.resources.cpus;
-        let after = vec![plan.id.clone()];
-        tasks.push(plan);
-        let mut rendered = Vec::new();
-        for (chunk, span) in spans.iter().enumerate() {
-            let id = ids.next(&format!("{}.render-{chunk}", self.task.id));
-            rendered.push(self.part(id, self.chunk(chunk, span), after.clone())?);
+        let windows = AnalysisWindows::default();
+        let groups = Chunks::new(windows.count(self.times.len()), self.chunks.count);
+        for (k, group) in groups.ranges().enumerate() {
+            tasks.push(self.part(ids, &format!("tracks-{k}"), self.windows(&windows, group)?, &[])?);
         }
+        let motion = self.part(ids, "motion", self.motion(), &named(&tasks))?;
+        let mut before = vec![motion.id.clone()];
+        tasks.push(motion);
+        if self.settings::<MotionSettings>(self.stages.motion).cameras {
+            let chunks = 0..self.chunks.count;
+            let leading = |k| self.part(ids, &format!("leading-{k}"), self.cameras(k, true), &before);
+            let mut leading = chunks.clone().map(leading).collect::<Result<Vec<_>, _>>()?;
+            let known = named(&leading);
+            tasks.append(&mut leading);
+            // The shots of a chunk began in it or in front of it.
+            let following = |k| self.part(ids, &format!("cameras-{k}"), self.cameras(k, false), &known[..=k]);
+            let mut following = chunks.map(following).collect::<Result<Vec<_>, _>>()?;
+            before = named(&following);
+            tasks.append(&mut following);
+        }
+        let mut plan = self.part(ids, "plan", self.plan(), &before)?;
+        plan.resources.cpus = self.task.resources.cpus;
+        let before = [plan.id.clone()];
+        tasks.push(plan);
+        let spans = self.chunks.ranges().map(|frames| self.span(frames)).collect::<Result<Vec<_>, _>>()?;
+        let chunk = |(k, span)| self.part(ids, &format!("render-{k}"), self.chunk(k, span), &before);
+        let mut rendered = spans.iter().enumerate().map(chunk).collect::<Result<Vec<_>, _>>()?;
         let after = named(&rendered);
         tasks.append(&mut rendered);
         let mut whole = self.task;
@@ -221,7 +235,8 @@ impl Splitter<'_> {
     }
 
     /// A task of a part, which waits for the tasks `after`.
-    fn part(&self, id: String, stages: Vec<Stage>, after: Vec<String>) -> Result<Task, RunError> {
+    fn part(&self, ids: &mut Ids, name: &str, stages: Vec<Stage>, after: &[String]) -> Result<Task, RunError> {
+        let id = ids.next(&format!("{}.{name}", self.task.id));
         let graph = Graph { stages };
         let instance = Instance { key: id.clone(), item: None, plan: Plan::of(&graph).into(), graph };
         let order = Order::of(&instance, self.task.order.options.clone());
@@ -231,7 +246,7 @@ impl Splitter<'_> {
         Ok(Task {
             id,
             key: key_of(&order, &self.task.inputs)?,
-            after,
+            after: after.to_vec(),
             outputs: instance.outputs().iter().map(to_text).collect(),
             resources,
             part_of: Some(self.task.id.clone()),
@@ -281,9 +296,20 @@ impl Splitter<'_> {
         Ok(self.of_frames("windows", settings))
     }
 
+    fn motion(&self) -> Vec<Stage> {
+        let (folder, track) = (self.task.parts_folder(), self.settings(self.stages.track));
+        self.of_frames("motion", MotionPartSettings { folder, chunks: self.chunks, track })
+    }
+
+    fn cameras(&self, chunk: usize, leading: bool) -> Vec<Stage> {
+        let (folder, motion) = (self.task.parts_folder(), self.settings(self.stages.motion));
+        self.of_frames("cameras", CamerasPartSettings { folder, chunks: self.chunks, chunk, leading, motion })
+    }
+
     fn chunk(&self, chunk: usize, span: &FrameSpan) -> Vec<Stage> {
         let settings = ChunkSettings {
             folder: self.task.parts_folder(),
+            chunks: self.chunks,
             chunk,
             span: span.clone(),
             warp: self.settings(self.stages.warp),
@@ -293,8 +319,8 @@ impl Splitter<'_> {
         self.of_frames("chunk", settings)
     }
 
-    /// The stages up to the path, of which the tracking is a joining, and the plan in place of warp, render and encode.
-    fn plan(&self, spans: &[FrameSpan]) -> Vec<Stage> {
+    /// The stages up to the path, of which the tracking is a reading, and the plan in place of warp, render and encode.
+    fn plan(&self) -> Vec<Stage> {
         let folder = self.task.parts_folder();
         let mut stages: Vec<Stage> = Vec::new();
         // Where a stage of the clip went.
@@ -302,13 +328,16 @@ impl Splitter<'_> {
         for (old, stage) in self.instance.graph.stages.iter().enumerate() {
             let mut stage = stage.clone();
             if old == self.stages.track {
-                let (frames, track) = (self.times.len(), self.settings(old));
-                let settings = std::sync::Arc::new(JoinWindowsSettings { folder: folder.clone(), frames, track });
-                stage = Self::stage(&stage.name, "part.join_windows", settings, stage.edges);
+                let settings = KnownTracksSettings {
+                    folder: folder.clone(),
+                    chunks: self.chunks,
+                    track: self.settings(old),
+                    cameras: Some(self.settings(self.stages.motion)).filter(|motion: &MotionSettings| motion.cameras),
+                };
+                stage = Self::stage(&stage.name, "part.tracks", std::sync::Arc::new(settings), stage.edges);
             } else if old == self.stages.warp {
                 let settings = PlanSettings {
                     folder: folder.clone(),
-                    chunks: spans.iter().map(|span| span.frames.clone()).collect(),
                     warp: self.settings(old),
                     covered: self.settings::<RenderSettings>(self.stages.render).border == Border::Crop,
                 };

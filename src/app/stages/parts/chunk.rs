@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use super::{PartName, made_before};
+use super::{Chunks, PartName, joined_tracks, made_before, read_motion};
 use crate::stages::clip::chain::Chain;
 use crate::stages::clip::encoding::Stream;
 use crate::stages::clip::sampling::Sampler;
@@ -10,10 +10,9 @@ use crate::stages::clip::sink::Sink;
 use crate::stages::prelude::*;
 use crate::stages::{Border, EncodeSettings, RenderSettings, WarpSettings};
 use plumbline_media::{FrameSpan, Output};
-use plumbline_video::motion::{ClipMotion, MotionFileError};
+use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
-use plumbline_video::stabilize::{FrameModels, PlanFile, RenderInputs, Tracks};
-use plumbline_video::track::{WindowFileError, WindowTracks};
+use plumbline_video::stabilize::{FrameMaps, FrameModels, PlanFile, RenderInputs, Tracks};
 
 /// Settings of a chunk.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,6 +20,8 @@ use plumbline_video::track::{WindowFileError, WindowTracks};
 pub(crate) struct ChunkSettings {
     /// The folder of parts
     pub(crate) folder: String,
+    /// The chunks of the clip
+    pub(crate) chunks: Chunks,
     /// Index of the chunk
     pub(crate) chunk: usize,
     /// Its frames
@@ -78,7 +79,7 @@ impl Stage for ChunkSettings {
     }
 }
 
-/// The plan of a clip, with the tracks of one chunk.
+/// The plan of a clip, with the tracks that one chunk takes.
 struct ChunkPlan {
     motion: ClipMotion,
     path: VirtualPath,
@@ -88,19 +89,17 @@ struct ChunkPlan {
 
 impl ChunkPlan {
     fn read(settings: &ChunkSettings) -> Result<Self, RunError> {
-        let at = |name: PartName| name.in_folder(&settings.folder);
-        let fault = |e: MotionFileError| RunError::Input(e.to_string());
-        let (motion, _) = ClipMotion::read_json(made_before(&at(PartName::Motion))?).map_err(fault)?;
+        let motion = read_motion(&PartName::Motion.in_folder(&settings.folder))?;
         let mut text = String::new();
-        let plan = at(PartName::Plan);
+        let plan = PartName::Plan.in_folder(&settings.folder);
         let unreadable = |e| RunError::Input(format!("{}: {e}", plan.display()));
         made_before(&plan)?.take(MAX_PLAN_BYTES).read_to_string(&mut text).map_err(unreadable)?;
         let (path, models) = PlanFile::from_json(&text)?.into_plan(Some(&motion), &settings.warp)?;
-        let known = at(PartName::Tracks(settings.chunk));
-        let damaged = |e: WindowFileError| RunError::Input(format!("{}: {e}", known.display()));
-        let tracks = WindowTracks::read(made_before(&known)?).map_err(damaged)?;
-        let tracks = Tracks::of_background(&tracks, &motion)?;
-        Ok(Self { motion, path, models, tracks })
+        let tracks = Tracks::of_parts(std::iter::empty::<Result<_, RunError>>(), &motion)?;
+        let mut this = Self { motion, path, models, tracks };
+        let support = FrameMaps::new(&this.inputs(settings), &this.models)?.support(settings.span.frames.clone())?;
+        this.tracks = joined_tracks(&settings.folder, settings.chunks, &support, &this.motion)?;
+        Ok(this)
     }
 
     fn inputs<'a>(&'a self, settings: &'a ChunkSettings) -> RenderInputs<'a> {

@@ -1,35 +1,31 @@
-//! The plan of a clip from the tracks of its analysis windows.
+//! The plan of a clip from its tracks, its motion and its cameras, as other tasks found them.
 
-use std::ops::Range;
-
-use super::{PartName, made_before};
-use crate::pipeline::paths::unescaped;
-use crate::stages::WarpSettings;
-use crate::stages::context::changed;
+use super::cameras::joined_cameras;
+use super::{Chunks, PartName, exact_text, joined_tracks, read_motion};
 use crate::stages::prelude::*;
-use crate::stages::video_track::{TrackSettings, clip_info, focal_px_of, hand_on_to_all};
-use plumbline_video::motion::{ClipMotion, MotionFileError};
+use crate::stages::video_track::{TrackSettings, hand_on_to_all};
+use crate::stages::{MotionSettings, WarpSettings};
+use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
-use plumbline_video::stabilize::{
-    FrameMaps, PlanFile, PlanSummary, RenderInputs, StabilizeError, Tracks, WindowJoiner, select_models,
-};
-use plumbline_video::track::{AnalysisWindows, WindowFileError, WindowTracks};
+use plumbline_video::stabilize::{PlanFile, PlanSummary, RenderInputs, Tracks, select_models};
 
-/// Settings of the joining of analysis windows, which stands for their tracking.
+/// Settings of the reading of tracks, motion and cameras, which stands for the tracking.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct JoinWindowsSettings {
+pub(crate) struct KnownTracksSettings {
     /// The folder of parts
     pub(crate) folder: String,
-    /// Frames of the clip
-    pub(crate) frames: usize,
+    /// The chunks of the clip
+    pub(crate) chunks: Chunks,
     /// How points were tracked
     pub(crate) track: TrackSettings,
+    /// How motion is estimated, where its cameras are known
+    pub(crate) cameras: Option<MotionSettings>,
 }
 
-impl Stage for JoinWindowsSettings {
-    const KIND: &'static str = "part.join_windows";
-    const SUMMARY: &'static str = "joins the tracks of the analysis windows of a clip";
+impl Stage for KnownTracksSettings {
+    const KIND: &'static str = "part.tracks";
+    const SUMMARY: &'static str = "reads the tracks and the motion of a clip, and its cameras";
     const INPUTS: &'static [Port] = TrackSettings::INPUTS;
     const OUTPUTS: &'static [Port] = TrackSettings::OUTPUTS;
     type Input = Wired;
@@ -40,28 +36,12 @@ impl Stage for JoinWindowsSettings {
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
-        let decode = context.required(stage, "frames")?.from;
-        let (input, reader) = context.open(decode)?;
-        let info = clip_info(reader.info());
-        drop(reader);
-        let options = TrackSettings { mask: self.track.mask.as_deref().map(unescaped), ..self.track.clone() };
-        let windows = AnalysisWindows::default();
-        let mut joiner = WindowJoiner::new(&info, &options, windows, None)?;
-        for window in 0..windows.count(self.frames) {
-            context.job.check_cancel()?;
-            let path = PartName::Window(window).in_folder(&self.folder);
-            let damaged = |e: WindowFileError| RunError::Input(format!("{}: {e}", path.display()));
-            let tracks = WindowTracks::read(made_before(&path)?).map_err(damaged)?;
-            if tracks.window != window {
-                return Err(RunError::Input(format!("{}: the tracks of window {}", path.display(), tracks.window)));
-            }
-            joiner.push(tracks)?;
+        let mut motion = read_motion(&PartName::Planar.in_folder(&self.folder))?;
+        let tracks = joined_tracks(&self.folder, self.chunks, &(0..motion.frames.len()), &motion)?;
+        if let Some(settings) = &self.cameras {
+            motion.cameras = Some(joined_cameras(&self.folder, self.chunks, &motion, settings)?);
         }
-        let (motion, tracks) = joiner.finish()?;
-        if motion.frames.len() != self.frames {
-            return Err(changed(input.name(), &format!("{} frames, then {}", self.frames, motion.frames.len())));
-        }
-        hand_on_to_all(context, stage, &motion, &tracks, || focal_px_of(&input))?;
+        hand_on_to_all(context, stage, &motion, &tracks, || None)?;
         context.values.put(stage, "tracks", tracks);
         Ok(HandedOn)
     }
@@ -73,8 +53,6 @@ impl Stage for JoinWindowsSettings {
 pub(crate) struct PlanSettings {
     /// The folder of parts
     pub(crate) folder: String,
-    /// Frames of each chunk
-    pub(crate) chunks: Vec<Range<usize>>,
     /// How frames are warped
     pub(crate) warp: WarpSettings,
     /// The source must cover the output
@@ -94,8 +72,7 @@ impl Stage for PlanSettings {
     }
 
     fn writes(&self) -> Vec<String> {
-        let chunks = (0..self.chunks.len()).map(PartName::Tracks);
-        [PartName::Motion, PartName::Plan].into_iter().chain(chunks).map(|name| name.text(&self.folder)).collect()
+        [PartName::Motion, PartName::Plan].map(|name| name.text(&self.folder)).into()
     }
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
@@ -103,36 +80,13 @@ impl Stage for PlanSettings {
         let path: &VirtualPath = context.values.get(context.required(stage, "path")?)?;
         let motion: &ClipMotion = context.values.get(context.required(stage, "motion")?)?;
         let inputs = RenderInputs { tracks, path, motion: Some(motion), warp: &self.warp, covered: self.covered };
-        let frames = motion.frames.len();
-        if let Some(chunk) = self.chunks.iter().find(|chunk| chunk.start >= chunk.end || chunk.end > frames) {
-            return Err(RunError::Input(format!("frames {chunk:?} of a clip of {frames}: make the plan again")));
-        }
         let models = select_models(&inputs, &context.job.run())?;
         let summary = PlanSummary::of(Some(motion), path, &models);
-        let motion_text = exact(motion)?;
+        let motion_text = exact_text(motion)?;
         let plan_text = PlanFile::new(path, &models)?.to_json()?;
-        let maps = FrameMaps::new(&inputs, &models)?;
-        let taken = |chunk: &Range<usize>| tracks.background(maps.support(chunk.clone())?);
-        let taken = self.chunks.iter().map(taken).collect::<Result<Vec<_>, StabilizeError>>()?;
         context.write_file(&PartName::Motion.in_folder(&self.folder), motion_text)?;
         context.write_file(&PartName::Plan.in_folder(&self.folder), plan_text)?;
-        for (chunk, tracks) in taken.iter().enumerate() {
-            context.fill_file(&PartName::Tracks(chunk).in_folder(&self.folder), |out| tracks.write(out))?;
-        }
         crate::stages::clip::summary::report_plan(context.summary, summary);
         Ok(HandedOn)
     }
-}
-
-/// The motion as a file without points, of which the same motion is read.
-fn exact(motion: &ClipMotion) -> Result<Vec<u8>, RunError> {
-    let mut text = Vec::new();
-    let fault = |e: MotionFileError| RunError::Internal(e.to_string());
-    motion.write_json(&mut text).map_err(fault)?;
-    let read = ClipMotion::from_json(&text).map_err(fault)?;
-    if read == *motion {
-        return Ok(text);
-    }
-    let help = "stabilize the clip as a whole";
-    Err(RunError::Internal(format!("the motion of the clip is not read back as it was written; {help}")))
 }

@@ -1,0 +1,112 @@
+//! The cameras of a clip in space, window by window.
+
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+
+use super::{Chunks, PartName, inexact, joined_tracks, made_before, read_motion};
+use crate::stages::MotionSettings;
+use crate::stages::prelude::*;
+use crate::stages::video_track::focal_px_of;
+use plumbline_video::motion::{ClipCameras, ClipMotion, MotionFileError, WindowCameras};
+use plumbline_video::stabilize::CameraRecovery;
+
+/// Settings of the cameras of the windows that start in a chunk.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct CamerasPartSettings {
+    /// The folder of parts
+    pub(crate) folder: String,
+    /// The chunks of the clip
+    pub(crate) chunks: Chunks,
+    /// Index of the chunk
+    pub(crate) chunk: usize,
+    /// Of the leading windows of shots, or of all others
+    pub(crate) leading: bool,
+    /// How motion is estimated
+    pub(crate) motion: MotionSettings,
+}
+
+impl CamerasPartSettings {
+    fn written(&self) -> PartName {
+        if self.leading { PartName::Leading(self.chunk) } else { PartName::Cameras(self.chunk) }
+    }
+}
+
+impl Stage for CamerasPartSettings {
+    const KIND: &'static str = "part.cameras";
+    const SUMMARY: &'static str = "recovers the cameras of some windows of a clip";
+    const INPUTS: &'static [Port] = &[Port::one("frames", PortType::Frames, "the clip")];
+    const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the cameras of the windows")];
+    type Input = Wired;
+    type Output = HandedOn;
+
+    fn memory(&self) -> Vec<MemoryCost> {
+        self.motion.memory()
+    }
+
+    fn writes(&self) -> Vec<String> {
+        vec![self.written().text(&self.folder)]
+    }
+
+    fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
+        let decode = context.required(stage, "frames")?.from;
+        let focal_px = focal_px_of(&context.input(decode)?);
+        let motion = read_motion(&PartName::Planar.in_folder(&self.folder))?;
+        let recovery = CameraRecovery::new(&motion, &self.motion, focal_px);
+        let starts = self.chunks.range(self.chunk);
+        let tracks = joined_tracks(&self.folder, self.chunks, &recovery.support(&starts), &motion)?;
+        let run = context.job.run();
+        let found = if self.leading {
+            recovery.leading(&tracks, starts, &run)?
+        } else {
+            let known = self.leading_of(&motion, &starts)?;
+            recovery.following(&tracks, starts, &known, &run)?
+        };
+        let fault = |e: MotionFileError| RunError::Internal(e.to_string());
+        let text = WindowCameras::to_json(&found).map_err(fault)?;
+        if WindowCameras::from_json(&text).map_err(fault)? != found {
+            return Err(inexact("the cameras of a part are"));
+        }
+        context.write_file(&self.written().in_folder(&self.folder), text.into_bytes())?;
+        Ok(HandedOn)
+    }
+}
+
+impl CamerasPartSettings {
+    /// The leading windows of all shots that have a frame among `starts`.
+    fn leading_of(&self, motion: &ClipMotion, starts: &Range<usize>) -> Result<Vec<WindowCameras>, RunError> {
+        let first = motion.shots.iter().find(|shot| shot.end > starts.start).map_or(starts.start, |shot| shot.start);
+        let chunks = self.chunks.overlapping(&(first..starts.end));
+        read_all(&self.folder, chunks.map(PartName::Leading))
+    }
+}
+
+/// The cameras of the clip of `motion`, from all its windows.
+pub(super) fn joined_cameras(
+    folder: &str,
+    chunks: Chunks,
+    motion: &ClipMotion,
+    settings: &MotionSettings,
+) -> Result<ClipCameras, RunError> {
+    let all = (0..chunks.count).flat_map(|chunk| [PartName::Leading(chunk), PartName::Cameras(chunk)]);
+    Ok(CameraRecovery::new(motion, settings, None).join(read_all(folder, all)?)?)
+}
+
+fn read_all(folder: &str, names: impl Iterator<Item = PartName>) -> Result<Vec<WindowCameras>, RunError> {
+    let mut all = Vec::new();
+    for name in names {
+        all.extend(read(&name.in_folder(folder))?);
+    }
+    Ok(all)
+}
+
+fn read(path: &Path) -> Result<Vec<WindowCameras>, RunError> {
+    let mut text = String::new();
+    let unreadable = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
+    made_before(path)?.take(MAX_BYTES).read_to_string(&mut text).map_err(|e| unreadable(&e))?;
+    WindowCameras::from_json(&text).map_err(|e| unreadable(&e))
+}
+
+/// Longest file of cameras that is read, bytes: of an hour at 60 frames/s, 1 kB per frame with its points.
+const MAX_BYTES: u64 = 1 << 28;
