@@ -236,6 +236,11 @@ pub fn stl_file(bytes: &[u8]) {
 pub fn gltf_file(bytes: &[u8]) {
     let format = if bytes.starts_with(b"glTF") { MeshFormat::Glb } else { MeshFormat::Gltf };
     mesh_file(bytes, format);
+    character_file(bytes, format);
+}
+
+/// Any bytes as a character of a mesh format: refused or read without a panic; what was read can be posed and written.
+fn character_file(bytes: &[u8], format: MeshFormat) {
     let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12, ..ReadLimits::default() };
     let Ok(model) = decode_model(bytes, format, None, &limits, &Run::default()) else { return };
     let Ok(character) = character_of(&model) else { return };
@@ -245,6 +250,12 @@ pub fn gltf_file(bytes: &[u8]) {
         }
     }
     write_and_read(&character.to_model(None).expect("a character is a model"));
+}
+
+/// [`mesh_file`] as FBX; as a character too, which is posed and written.
+pub fn fbx_file(bytes: &[u8]) {
+    mesh_file(bytes, MeshFormat::Fbx);
+    character_file(bytes, MeshFormat::Fbx);
 }
 
 /// Any bytes as a skeleton or a movement of any text format: read or refused without a panic; what was read can be written and

@@ -75,7 +75,7 @@ pub fn rig_of(path: &Path) -> PathBuf {
 }
 
 const UNKNOWN: &str =
-    "neither a pipeline file, nor a mesh (OBJ, PLY, OFF, STL, glTF, GLB), nor a photo (JPEG, PNG, TIFF, WebP)";
+    "neither a pipeline file, nor a mesh (OBJ, PLY, OFF, STL, glTF, GLB, FBX), nor a photo (JPEG, PNG, TIFF, WebP)";
 
 /// Extension of a path in lower case; empty where there is none.
 pub fn extension(path: &Path) -> String {
@@ -99,12 +99,14 @@ fn of_bytes(bytes: &[u8], extension: &str, path: &Path) -> Option<Content> {
     // By name first: the header of a binary STL is any 80 bytes.
     match extension {
         "glb" | "gltf" => Some(gltf(bytes, path)),
+        "fbx" => Some(fbx(path)),
         "ply" | "off" | "obj" | "stl" => Some(Content::Mesh),
         "bvh" => Some(Content::Character),
         #[cfg(any(test, debug_assertions))]
         "fake" => Some(Content::Fake),
         _ if image::guess_format(bytes).is_ok() => Some(Content::Photo),
         _ if bytes.starts_with(b"glTF") => Some(gltf(bytes, path)),
+        _ if bytes.starts_with(b"Kaydara FBX Binary") => Some(fbx(path)),
         _ if [b"ply\n".as_slice(), b"ply\r", b"OFF", b"solid "].iter().any(|magic| bytes.starts_with(magic)) => {
             Some(Content::Mesh)
         }
@@ -121,6 +123,18 @@ fn gltf(head: &[u8], path: &Path) -> Content {
     let json = json_of(head, path).unwrap_or_default();
     if has_skin(&json) { Content::Character } else { Content::Mesh }
 }
+
+/// An FBX file with a cluster of weights is a character. Its objects are in any order.
+fn fbx(path: &Path) -> Content {
+    let mut bytes = Vec::new();
+    let read = open_regular(path).and_then(|file| file.take(MAX_FBX).read_to_end(&mut bytes));
+    // The kind of an object, as text of seven bytes.
+    let is_kind = |window: &[u8]| window == b"S\x07\0\0\0Cluster";
+    if read.is_ok() && bytes.windows(12).any(is_kind) { Content::Character } else { Content::Mesh }
+}
+
+/// Bytes of an FBX file that are looked into; where the first cluster is behind them the file is taken for a mesh.
+const MAX_FBX: u64 = 256 << 20;
 
 /// Maximum size of the JSON of a glTF file that is looked into, bytes; where it is larger the file is taken for a mesh.
 const MAX_JSON: u64 = 64 << 20;

@@ -25,6 +25,16 @@ fn files_of_media_are_told_apart() {
 }
 
 #[test]
+fn an_fbx_file_with_a_skin_is_a_character() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.fbx");
+    for (body, expected) in [(b"S\x07\0\0\0Cluster", Content::Character), (b"S\x07\0\0\0Clutter", Content::Mesh)] {
+        std::fs::write(&path, [b"Kaydara FBX Binary  \0\x1a\0".as_slice(), body].concat()).expect("written");
+        assert_eq!(Content::of(&path).expect("known"), expected);
+    }
+}
+
+#[test]
 fn a_pipeline_is_known_by_its_stages() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.toml");

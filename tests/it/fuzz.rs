@@ -7,6 +7,7 @@ mod bodies;
 use std::io::Cursor;
 use std::path::Path;
 
+use crate::fbx::writer::{Form, character, stored};
 use crate::support::clips::{make, workshop};
 use plumbline::app::pipeline::tasks::TaskPlan;
 use plumbline::image::still::{GainMap, Photo, SaveOptions, StillFormat, Xmp, encode, frame_of_rgb};
@@ -407,6 +408,8 @@ fn no_mesh_file_makes_a_reader_panic() {
     }
     hammer(&mesh_examples(MeshFormat::Gltf), bodies::gltf_file, 20);
     hammer(&moving_examples(), bodies::gltf_file, 22);
+    let forms = [Form { version: 7400, pack: None }, Form { version: 7700, pack: Some(stored) }];
+    hammer(&forms.map(|form| character().bytes(form)), bodies::fbx_file, 25);
     let medit = b"MeshVersionFormatted 1\nDimension 3\nVertices\n4\n0 0 0 1\n1 0 0 1\n0 1 0 1\n0 0 1 1\nTriangles\n2\n1 2 3 0\n1 3 4 0\n\
                   Quadrilaterals 1 1 2 3 4 0\nTetrahedra\n1\n1 2 3 4 7\nEnd\n";
     hammer(&[medit.to_vec()], bodies::medit_file, 21);

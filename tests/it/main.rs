@@ -11,6 +11,7 @@ mod energy;
 mod exchange;
 mod failure;
 mod faults;
+mod fbx;
 mod fuzz;
 mod hostile_files;
 mod hostile_meshes;

@@ -12,7 +12,7 @@ use plumbline_shape::mesh::MeshFormat;
 /// Options of `plumbline deform`.
 #[derive(Debug, Args)]
 pub(super) struct DeformArgs {
-    /// The mesh: OBJ, PLY, OFF, STL, glTF or GLB
+    /// The mesh: OBJ, PLY, OFF, STL, glTF, GLB or FBX
     #[arg(value_name = "MESH")]
     input: PathBuf,
     #[command(flatten)]

@@ -11,7 +11,7 @@ use crate::stages::{ImageSaveSettings, MeshLoadSettings, MeshRenderSettings, Mes
 /// Options of commands that do the same with each of many meshes.
 #[derive(Debug, Args)]
 pub(super) struct MeshesArgs {
-    /// Meshes (obj ply off stl gltf glb): files, globs, or folders
+    /// Meshes (obj ply off stl gltf glb fbx): files, globs, or folders
     #[arg(required = true, value_parser = path_text(), value_name = "MESH")]
     inputs: Vec<String>,
     #[command(flatten)]

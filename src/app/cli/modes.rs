@@ -10,7 +10,7 @@ use crate::stages::MeshModesSettings;
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("targets").required(true).multiple(true).args(["output", "parts"]))]
 pub(super) struct ModesArgs {
-    /// The mesh: OBJ, PLY, OFF, STL, glTF or GLB
+    /// The mesh: OBJ, PLY, OFF, STL, glTF, GLB or FBX
     #[arg(value_name = "MESH")]
     input: PathBuf,
     #[command(flatten)]

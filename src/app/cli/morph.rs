@@ -72,7 +72,7 @@ pub(super) fn in_folder(output: &Path, first: &Path, name: &str) -> PathBuf {
     if output.extension().is_some() && !ends('/') && !output.is_dir() {
         return output.to_owned();
     }
-    let known = MeshFormat::of_name(first).is_some_and(|f| f != MeshFormat::Medit);
+    let known = MeshFormat::of_name(first).is_some_and(MeshFormat::is_writable);
     let extension = first.extension().filter(|_| known).map_or_else(|| "ply".into(), |e| e.to_string_lossy());
     output.join(format!("{name}.{extension}"))
 }

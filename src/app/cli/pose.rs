@@ -17,10 +17,10 @@ const FRAMES: u32 = 24;
 /// Options of `plumbline pose`.
 #[derive(Debug, Args)]
 pub(super) struct PoseArgs {
-    /// The character: a glTF or GLB file with a skin, or a mesh of any format with --skeleton
+    /// The character: a glTF, GLB or FBX file with a skin, or a mesh of any format with --skeleton
     #[arg(value_name = "CHARACTER")]
     input: PathBuf,
-    /// The skeleton: our own JSON, glTF, GLB, BVH, .tgf or .skel; the mesh is bound to it
+    /// The skeleton: our own JSON, glTF, GLB, FBX, BVH, .tgf or .skel; the mesh is bound to it
     #[arg(long, value_name = "FILE")]
     skeleton: Option<PathBuf>,
     /// How a mesh is bound to --skeleton: heat, biharmonic, distance, or a file of weights

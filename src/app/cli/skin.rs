@@ -27,10 +27,10 @@ enum SkinCommand {
 /// Options of `plumbline skin weights`.
 #[derive(Debug, Args)]
 struct WeightsArgs {
-    /// The mesh at rest: OBJ, PLY, OFF, STL, glTF or GLB
+    /// The mesh at rest: OBJ, PLY, OFF, STL, glTF, GLB or FBX
     #[arg(value_name = "MESH")]
     input: PathBuf,
-    /// The skeleton in it: our own JSON, glTF, GLB, BVH, .tgf or .skel
+    /// The skeleton in it: our own JSON, glTF, GLB, FBX, BVH, .tgf or .skel
     #[arg(long, value_name = "FILE")]
     skeleton: PathBuf,
     #[command(flatten)]
@@ -40,10 +40,10 @@ struct WeightsArgs {
 /// Options of `plumbline skin train`.
 #[derive(Debug, Args)]
 struct TrainArgs {
-    /// The mesh at rest: OBJ, PLY, OFF or STL with --skeleton, glTF or GLB also with a skin of its own
+    /// The mesh at rest: OBJ, PLY, OFF or STL with --skeleton, glTF, GLB or FBX also with a skin of its own
     #[arg(value_name = "REST")]
     input: PathBuf,
-    /// The skeleton in the mesh: our own JSON, glTF, GLB, BVH, .tgf or .skel; that of REST, with its weights, if left out
+    /// The skeleton in the mesh: our own JSON, glTF, GLB, FBX, BVH, .tgf or .skel; that of REST, with its weights, if left out
     #[arg(long, value_name = "FILE")]
     skeleton: Option<PathBuf>,
     #[command(flatten)]

@@ -25,7 +25,7 @@ pub const PHOTO_EXTENSIONS: [&str; 11] =
     ["avif", "heic", "heif", "jfif", "jpe", "jpeg", "jpg", "png", "tif", "tiff", "webp"];
 
 /// Extensions of meshes: what a folder given as input is searched for by graphs of meshes.
-pub const MESH_EXTENSIONS: [&str; 8] = ["glb", "gltf", "mesh", "obj", "off", "ply", "stl", "vrm"];
+pub const MESH_EXTENSIONS: [&str; 9] = ["fbx", "glb", "gltf", "mesh", "obj", "off", "ply", "stl", "vrm"];
 
 /// A file that was found.
 #[derive(Clone, Debug, PartialEq, Eq)]

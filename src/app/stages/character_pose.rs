@@ -73,7 +73,7 @@ pub struct PoseSettings {
     pub pose: Option<String>,
     /// The movement, by its name; of the file `motion_from` where one is given
     pub clip: Option<String>,
-    /// A file whose movements the character takes: glTF, GLB, BVH or our own JSON
+    /// A file whose movements the character takes: glTF, GLB, FBX, BVH or our own JSON
     #[schemars(extend("format" = "path"))]
     pub motion_from: Option<String>,
     /// Which joint follows which of `motion_from`, where names do not say (JSON; `plumbline schema joint-map` describes it)

@@ -12,7 +12,7 @@ use plumbline_shape::mesh::{Model, ReadLimits, read_model};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MeshLoadSettings {
-    /// The mesh: OBJ, PLY, OFF, STL, glTF, GLB or Medit
+    /// The mesh: OBJ, PLY, OFF, STL, glTF, GLB, FBX or Medit
     #[schemars(extend("format" = "path"))]
     pub path: String,
     /// Most bytes of the file and of what it refers to; larger ones are refused before memory is taken for them

@@ -45,7 +45,7 @@ pub struct MeshRenderSettings {
     pub scalar: Option<String>,
     /// Faces seen from behind in another color
     pub mark_back: bool,
-    /// A skeleton inside the mesh: json (its curve is drawn too), glb, gltf, bvh, tgf or skel
+    /// A skeleton inside the mesh: json (its curve is drawn too), glb, gltf, fbx, bvh, tgf or skel
     #[schemars(extend("format" = "path"))]
     pub skeleton: Option<String>,
     /// The names of the joints of the skeleton beside them, as far as there is room

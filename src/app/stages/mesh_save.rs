@@ -127,7 +127,7 @@ fn moving(context: &mut Context<'_, '_>, posed: &Posed, seconds: f64, path: &Pat
 }
 
 fn format_of(path: &Path) -> Result<MeshFormat, RunError> {
-    let format = MeshFormat::of_name(path).filter(|f| *f != MeshFormat::Medit);
+    let format = MeshFormat::of_name(path).filter(|f| f.is_writable());
     format.ok_or_else(|| {
         let name = path.display();
         RunError::Usage(format!(

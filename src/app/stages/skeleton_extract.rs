@@ -39,7 +39,7 @@ pub struct SkeletonExtractSettings {
     pub options: ExtractionOptions,
     /// Ends that stay: auto, the tips of the surface, or a file that lists vertices
     pub keep: Option<String>,
-    /// A skeleton whose joints are fitted to the curve (json glb gltf bvh tgf skel); its names, parents and limits stay, and `joints` does
+    /// A skeleton whose joints are fitted to the curve (json glb gltf fbx bvh tgf skel); its names, parents and limits stay, and `joints` does
     /// not count
     #[schemars(extend("format" = "path"))]
     pub template: Option<String>,

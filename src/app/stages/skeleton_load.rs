@@ -10,7 +10,7 @@ use plumbline_shape::character::io::{Rig, read_rig};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SkeletonLoadSettings {
-    /// The skeleton: our own JSON, glTF, GLB, BVH, .tgf or .skel
+    /// The skeleton: our own JSON, glTF, GLB, FBX, BVH, .tgf or .skel
     #[schemars(extend("format" = "path"))]
     pub path: String,
 }

@@ -88,7 +88,7 @@ pub enum MeshError {
         fault: String,
     },
     /// Input: a file of an unknown format.
-    #[error("not a mesh that is read here ({seen}); OBJ, PLY, OFF, STL, glTF, GLB and Medit .mesh are")]
+    #[error("not a mesh that is read here ({seen}); OBJ, PLY, OFF, STL, glTF, GLB, FBX and Medit .mesh are")]
     UnknownFormat {
         /// First bytes of the file, or its name.
         seen: String,

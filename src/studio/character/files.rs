@@ -75,7 +75,7 @@ pub(super) fn pipeline(files: &DocumentFiles) -> Result<PipelineText, StudioErro
 
 /// The mesh that a character is begun for: of the same name as its pipeline file.
 fn mesh_beside(files: &DocumentFiles) -> Option<PathBuf> {
-    let endings = [".obj", ".ply", ".off", ".stl", ".glb", ".gltf"];
+    let endings = [".obj", ".ply", ".off", ".stl", ".glb", ".gltf", ".fbx"];
     endings.iter().map(|ending| files.side_file(ending)).find(|path| path.is_file())
 }
 

@@ -86,7 +86,7 @@ fn schema() -> Result<Answer, StudioError> {
 }
 
 fn format_named(name: &str) -> Result<MeshFormat, StudioError> {
-    let format = MeshFormat::of_name(Path::new(&format!("x.{name}"))).filter(|f| *f != MeshFormat::Medit);
+    let format = MeshFormat::of_name(Path::new(&format!("x.{name}"))).filter(|f| f.is_writable());
     format.ok_or_else(|| {
         StudioError::request(format!("`{name}` is no format to write (expected obj, ply, off, stl, gltf or glb)"))
     })

@@ -134,7 +134,7 @@ fn folder_entry(path: &Path, name: String) -> Entry {
 fn promised(path: &Path) -> Option<&'static str> {
     match extension(path).as_str() {
         "obj" | "ply" | "off" | "stl" | "gltf" => Some("mesh"),
-        "glb" | "vrm" | "bvh" => Some("character"),
+        "glb" | "vrm" | "fbx" | "bvh" => Some("character"),
         "jpg" | "jpeg" | "png" | "tif" | "tiff" | "webp" => Some("photo"),
         "toml" => Some("pipeline"),
         #[cfg(any(test, debug_assertions))]

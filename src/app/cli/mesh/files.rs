@@ -86,7 +86,7 @@ impl MeshTargetArgs {
 
     fn check(&self, path: &Path, inputs: &HashSet<PathBuf>) -> Result<(), Failure> {
         let shown = path.display();
-        if !MeshFormat::of_name(path).is_some_and(|format| format != MeshFormat::Medit) {
+        if !MeshFormat::of_name(path).is_some_and(MeshFormat::is_writable) {
             let message = format!("`{shown}`: the extension is none of obj, ply, off, stl, gltf, glb");
             return Err(Failure::usage(message));
         }
@@ -110,7 +110,7 @@ pub(super) fn all_inputs(given: &[String], recurse: bool) -> Result<Vec<Found>, 
         let found = search.expand(std::slice::from_ref(pattern)).map_err(|bad| Failure::usage(bad[0].to_string()))?;
         if found.is_empty() {
             let shown = shown(pattern);
-            let message = format!("{shown}: no mesh files here (obj ply off stl gltf glb mesh)");
+            let message = format!("{shown}: no mesh files here (obj ply off stl gltf glb fbx mesh)");
             return Err(Failure { exit: Exit::Input, message, drawn: false });
         }
         inputs.extend(found);

@@ -48,7 +48,7 @@ enum MeshCommand {
 /// What all three take.
 #[derive(Debug, Args)]
 struct ReadArgs {
-    /// Mesh files (obj ply off stl gltf glb mesh), or folders of them
+    /// Mesh files (obj ply off stl gltf glb fbx mesh), or folders of them
     #[arg(required = true, value_parser = path_text(), value_name = "INPUT")]
     inputs: Vec<String>,
     /// Of a folder, take only the files directly in it; by default folders are searched at any depth

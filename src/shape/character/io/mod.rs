@@ -1,5 +1,5 @@
-//! Skeleton, character and clip files: glTF and BVH, `.tgf` and `.skel` skeletons are read and written; `.anim` clips
-//! are read.
+//! Skeleton, character and clip files: glTF and BVH, `.tgf` and `.skel` skeletons are read and written; FBX and `.anim`
+//! clips are read.
 //!
 //! Readers validate counts, parents and finiteness, and report the position of a fault in the file.
 
@@ -46,7 +46,7 @@ impl Rig {
     }
 }
 
-/// Reads a skeleton file; the format (JSON, glTF, BVH, `.tgf`, `.skel`) follows from the extension. The limits are those of glTF, the
+/// Reads a skeleton file; the format (JSON, glTF, FBX, BVH, `.tgf`, `.skel`) follows from the extension. The limits are those of glTF, the
 /// one format whose files may name others.
 ///
 /// # Errors
@@ -59,15 +59,18 @@ pub fn read_rig(path: &Path, limits: &ReadLimits, run: &Run) -> Result<Rig, RigF
             let file = super::skeleton_file::SkeletonFile::read(path)?;
             Ok(Rig { clips: file.clips, ..alone(file.skeleton) })
         }
-        "gltf" | "glb" | "vrm" => {
+        "gltf" | "glb" | "vrm" | "fbx" => {
             let model = read_model(path, limits, run)?;
+            if let Some(rig) = gltf::skeleton_of(&model)? {
+                return Ok(rig);
+            }
             let character = character_of(&model)?;
             Ok(Rig { skeleton: character.skeleton, clips: character.clips, warnings: character.warnings })
         }
         "bvh" => parse_bvh(&text_of(path)?),
         "tgf" => parse_tgf(&text_of(path)?),
         "skel" => parse_skel(&text_of(path)?).map(alone),
-        _ => Err(unknown_extension("json, glb, gltf, vrm, bvh, tgf or skel")),
+        _ => Err(unknown_extension("json, glb, gltf, vrm, fbx, bvh, tgf or skel")),
     };
     read().map_err(|e: RigFileError| e.of_file(path))
 }

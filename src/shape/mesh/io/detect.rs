@@ -34,6 +34,8 @@ fn by_content(bytes: &[u8]) -> Option<MeshFormat> {
     let begins = |word: &[u8]| text.starts_with(word);
     if bytes.starts_with(b"glTF") {
         Some(MeshFormat::Glb)
+    } else if super::fbx::is_fbx(bytes) {
+        Some(MeshFormat::Fbx)
     } else if begins(b"ply\n") || begins(b"ply\r") {
         Some(MeshFormat::Ply)
     } else if begins(b"solid") {

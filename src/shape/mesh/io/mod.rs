@@ -1,10 +1,11 @@
-//! Mesh files: OBJ, PLY, OFF, STL, glTF and GLB read and written, Medit `.mesh` read.
+//! Mesh files: OBJ, PLY, OFF, STL, glTF and GLB read and written, Medit `.mesh` and binary FBX read.
 //!
 //! Readers validate counts, indices and finite positions strictly and report the position of a fault in the file; ignored
 //! contents are listed in [`Model::warnings`]. Counts in a header are checked against the file size before allocation. The
 //! format is detected by content first, then by the file name extension.
 
 mod detect;
+mod fbx;
 mod gltf;
 mod medit;
 mod obj;
@@ -44,6 +45,8 @@ pub enum MeshFormat {
     Glb,
     /// Medit `.mesh` (read only).
     Medit,
+    /// Binary FBX (read only), in meters with y up.
+    Fbx,
 }
 
 impl MeshFormat {
@@ -58,8 +61,21 @@ impl MeshFormat {
             "gltf" => Self::Gltf,
             "glb" => Self::Glb,
             "mesh" => Self::Medit,
+            "fbx" => Self::Fbx,
             _ => return None,
         })
+    }
+
+    /// Whether models can be written in this format.
+    ///
+    /// # Example
+    /// ```
+    /// use plumbline_shape::mesh::MeshFormat;
+    ///
+    /// assert!(MeshFormat::Glb.is_writable() && !MeshFormat::Fbx.is_writable());
+    /// ```
+    pub fn is_writable(self) -> bool {
+        !matches!(self, Self::Medit | Self::Fbx)
     }
 }
 
@@ -73,6 +89,7 @@ impl fmt::Display for MeshFormat {
             Self::Gltf => "glTF",
             Self::Glb => "GLB",
             Self::Medit => "Medit mesh",
+            Self::Fbx => "FBX",
         })
     }
 }
@@ -136,6 +153,7 @@ pub fn decode_model(
         MeshFormat::Stl => stl::read(bytes, run)?,
         MeshFormat::Gltf | MeshFormat::Glb => gltf::read(bytes, format, folder, limits, run)?,
         MeshFormat::Medit => medit::read(bytes, run)?,
+        MeshFormat::Fbx => fbx::read(bytes, limits, run)?,
     };
     limits.check("number of vertices", builder.positions.len())?;
     limits.check("number of corners", builder.faces.corner_count())?;

@@ -48,7 +48,7 @@ pub fn write_model_if(
         let unknown = || MeshError::Unwritable {
             reason: "the name's extension is none of .obj, .ply, .off, .stl, .gltf, .glb".to_owned(),
         };
-        let format = MeshFormat::of_name(path).filter(|&f| f != MeshFormat::Medit).ok_or_else(unknown)?;
+        let format = MeshFormat::of_name(path).filter(|f| f.is_writable()).ok_or_else(unknown)?;
         let bytes = encode_model(model, format, options, run)?;
         write_whole(path, &bytes, if_exists).map_err(|e| MeshError::Unwritable { reason: e.to_string() })
     };
@@ -115,6 +115,7 @@ pub fn encode_model(
         MeshFormat::Stl => stl::write_binary(model, &mut out),
         MeshFormat::Gltf => gltf::write(model, false, &mut out),
         MeshFormat::Glb => gltf::write(model, true, &mut out),
+        MeshFormat::Fbx => Err(io::Error::other("FBX files are only read; write glTF")),
         MeshFormat::Medit => Err(io::Error::other("Medit files are only read; write OBJ, PLY, OFF, STL or glTF")),
     };
     run.check()?;

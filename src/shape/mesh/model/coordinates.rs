@@ -137,7 +137,7 @@ impl Model {
         if let Some(articulation) = &mut changed.articulation {
             let articulation = Arc::make_mut(articulation);
             articulated(articulation, &rotation, change.scale);
-            if !is_finite(articulation) {
+            if !all_finite(articulation) {
                 return Err(MeshError::Articulation { fault: "too large for a number in these units".to_owned() });
             }
         }
@@ -156,7 +156,10 @@ fn permute(v: &mut [f64], rotation: &Matrix3<f64>) {
     turn(v, &rotation.abs(), 1.0);
 }
 
-fn articulated(articulation: &mut Articulation, rotation: &Matrix3<f64>, scale: f64) {
+/// Replaces all transforms of an articulation by those of other coordinates. `R` permutes the axes, with signs; it may mirror.
+pub(in crate::mesh) fn articulated(articulation: &mut Articulation, rotation: &Matrix3<f64>, scale: f64) {
+    // The axis of a rotation is mirrored against a vector.
+    let handedness = rotation.determinant();
     let to = (scale * rotation).to_homogeneous();
     let back = (rotation.transpose() / scale).to_homogeneous();
     let conjugated = |matrix: &Matrix4<f64>| to * matrix * back;
@@ -165,7 +168,7 @@ fn articulated(articulation: &mut Articulation, rotation: &Matrix3<f64>, scale: 
             NodeTransform::Matrix(matrix) => *matrix = conjugated(matrix),
             NodeTransform::Trs { translation, rotation: quaternion, scale: axes } => {
                 turn(translation, rotation, scale);
-                turn(&mut quaternion[..3], rotation, 1.0);
+                turn(&mut quaternion[..3], rotation, handedness);
                 permute(axes, rotation);
             }
         }
@@ -182,7 +185,7 @@ fn articulated(articulation: &mut Articulation, rotation: &Matrix3<f64>, scale: 
         for value in channel.values.chunks_exact_mut(width) {
             match channel.property {
                 Property::Translation => turn(value, rotation, scale),
-                Property::Rotation => turn(&mut value[..3], rotation, 1.0),
+                Property::Rotation => turn(&mut value[..3], rotation, handedness),
                 Property::Scale => permute(value, rotation),
                 Property::Weights => break,
             }
@@ -190,7 +193,8 @@ fn articulated(articulation: &mut Articulation, rotation: &Matrix3<f64>, scale: 
     }
 }
 
-fn is_finite(articulation: &Articulation) -> bool {
+/// Whether every number of an articulation is finite.
+pub(in crate::mesh) fn all_finite(articulation: &Articulation) -> bool {
     let all = |values: &[f64]| values.iter().all(|v| v.is_finite());
     let nodes = articulation.nodes.iter().all(|node| match &node.transform {
         NodeTransform::Matrix(matrix) => all(matrix.as_slice()),

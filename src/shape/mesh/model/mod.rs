@@ -21,6 +21,7 @@ use articulation::Articulation;
 
 pub use builder::ModelBuilder;
 pub use coordinates::{Axis, CoordinateChange, LengthUnit};
+pub(in crate::mesh) use coordinates::{all_finite, articulated};
 pub use corner_data::{CornerData, NO_VALUE};
 pub use faces::Faces;
 

@@ -23,7 +23,8 @@ pub(super) struct Joints {
 }
 
 impl Joints {
-    /// Joints of skins first, in their order, then nodes of unskinned meshes, then the ancestors of all these.
+    /// Joints of skins first, in their order, then nodes of unskinned meshes, then the ancestors of all these. Of a file without meshes all
+    /// nodes.
     pub(super) fn of(articulation: &Articulation, warnings: &mut Vec<String>) -> Result<Self, RigFileError> {
         let used = |skin: usize| articulation.instances.iter().any(|i| i.skin == Some(skin as u32));
         let skins = articulation.skins.iter().enumerate().filter(|(s, _)| used(*s)).flat_map(|(_, s)| &s.joints);
@@ -40,6 +41,11 @@ impl Joints {
         };
         for &node in skins.chain(rigid) {
             add(&mut nodes, node);
+        }
+        if articulation.instances.is_empty() {
+            for node in 0..articulation.nodes.len() as u32 {
+                add(&mut nodes, node);
+            }
         }
         for first in 0..nodes.len() {
             let mut above = articulation.nodes[nodes[first] as usize].parent;

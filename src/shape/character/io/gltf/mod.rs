@@ -22,6 +22,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix4, Point3, Vector3};
 
+use super::Rig;
 use crate::character::{Character, CharacterError, MorphShape, RigFileError, Skin, SkinWeights};
 use crate::mesh::Model;
 use crate::mesh::model::articulation::Articulation;
@@ -48,6 +49,16 @@ pub fn character_of(model: &Model) -> Result<Character, RigFileError> {
     };
     let skin = Arc::new(Skin::new(weights, bound.inverse_bind)?);
     Ok(Character { targets, clips, warnings, ..Character::new(still, joints.skeleton, skin)? })
+}
+
+/// The skeleton of a file without meshes, of which all nodes are joints, with its clips; `None` where there are meshes, or no nodes that
+/// are known to move.
+pub(super) fn skeleton_of(model: &Model) -> Result<Option<Rig>, RigFileError> {
+    let Some(articulation) = model.articulation().filter(|a| a.instances.is_empty()) else { return Ok(None) };
+    let mut warnings = model.warnings().to_vec();
+    let joints = Joints::of(articulation, &mut warnings)?;
+    let clips = clips::read(articulation, &joints, &mut warnings)?;
+    Ok(Some(Rig { skeleton: joints.skeleton, clips, warnings }))
 }
 
 /// Positions with all instances bound to common frames; `None` if unchanged.

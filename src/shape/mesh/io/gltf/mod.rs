@@ -31,6 +31,7 @@ use plumbline_num::document::JsonCosts;
 use plumbline_num::document::gltf::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
 use plumbline_num::run::Run;
 
+pub(super) use scene::normal_matrix;
 pub(super) use write::{MAX_INFLUENCES, write};
 
 /// Prefixes of required extensions that do not prevent reading the geometry: quantization and meshopt compression are supported,

@@ -313,7 +313,7 @@ impl Scene<'_> {
 
 /// Transform of normals: the cofactor matrix, which is the inverse transpose up to a positive factor and exists for singular
 /// matrices too.
-pub(super) fn normal_matrix(matrix: &Matrix4<f64>) -> Matrix3<f64> {
+pub(in crate::mesh::io) fn normal_matrix(matrix: &Matrix4<f64>) -> Matrix3<f64> {
     let m = matrix.fixed_view::<3, 3>(0, 0).into_owned();
     let column = |k: usize| m.column(k).into_owned();
     let [a, b, c] = [column(0), column(1), column(2)];

@@ -72,7 +72,7 @@ export async function openPath(path: string, workspace?: "character"): Promise<v
 }
 
 /** Files that name others, before those that they name: a pipeline its mesh, a mesh its textures. */
-const NAMING = [/\.toml$/i, /\.(gltf|glb|obj|ply|off|stl)$/i];
+const NAMING = [/\.toml$/i, /\.(gltf|glb|fbx|obj|ply|off|stl)$/i];
 
 function rank({ name }: File): number {
   const at = NAMING.findIndex((ending) => ending.test(name));

@@ -40,7 +40,7 @@ export class Actions {
 
   /** The skeleton of a file as a template. */
   chooseTemplate() {
-    choose(".json,.glb,.gltf,.bvh,.tgf,.skel", (path) => this.edit({ do: "template_file", path }));
+    choose(".json,.glb,.gltf,.fbx,.bvh,.tgf,.skel", (path) => this.edit({ do: "template_file", path }));
   }
 
   addAlong(origin: Vector3, direction: Vector3) {
@@ -223,7 +223,7 @@ export class Actions {
   // Files.
 
   chooseImport() {
-    choose(".bvh,.glb,.gltf,.json,.skel,.tgf,.skin", (path) => this.edit({ do: "import", path }));
+    choose(".bvh,.fbx,.glb,.gltf,.json,.skel,.tgf,.skin", (path) => this.edit({ do: "import", path }));
   }
 
   /** A trained skin; it is refused where it is of another mesh or of other joints. */

@@ -109,7 +109,7 @@ function TemplatePanel({ page }: { page: Page }) {
     <Panel title="Template" folded>
       <div class="button-row">
         {page.state.value.templates.map((name) => <Button key={name} onClick={() => page.actions.template(name)}>Fit {name}</Button>)}
-        <Button icon="upload" title="A skeleton of a .json, .glb, .bvh, .tgf or .skel file" onClick={() => page.actions.chooseTemplate()}>Fit a file…</Button>
+        <Button icon="upload" title="A skeleton of a .json, .glb, .fbx, .bvh, .tgf or .skel file" onClick={() => page.actions.chooseTemplate()}>Fit a file…</Button>
       </div>
       <p class="hint">The joints of a template are put onto the curve that the extraction finds; names, parents and limits stay.</p>
     </Panel>
