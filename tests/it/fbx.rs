@@ -13,7 +13,6 @@ use crate::support::program::{err, out, plumbline_in, succeed};
 use writer::{Form, Key, Scene, linear, p, whole};
 
 #[path = "../../src/shape/mesh/io/fbx/tests/writer.rs"]
-#[expect(dead_code, reason = "unit tests of the reader use the rest")]
 pub(crate) mod writer;
 
 const FORM: Form = Form { version: 7500, pack: Some(writer::stored) };
@@ -50,7 +49,8 @@ fn degrees(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
 /// Keys of the three axes of a channel; angles go on where they would jump by a full circle.
 fn keys(channel: &Channel) -> [Vec<Key>; 3] {
     let width = channel.values.len() / channel.times.len();
-    let (mut keys, mut last) = ([const { Vec::new() }; 3], [0.0_f64; 3]);
+    let mut keys: [Vec<Key>; 3] = Default::default();
+    let mut last = [0.0_f64; 3];
     for (&time, value) in channel.times.iter().zip(channel.values.chunks_exact(width)) {
         let mut trs = Trs::identity();
         match channel.property {
@@ -118,7 +118,7 @@ fn fbx_of(model: &Model) -> Scene {
             .collect();
         let transform = in_file(bind);
         let link = transform.try_inverse().expect("a frame");
-        let columns = |m: &Matrix4<f64>| m.as_slice().try_into().expect("sixteen");
+        let columns = |m: &Matrix4<f64>| -> [f64; 16] { m.as_slice().try_into().expect("sixteen") };
         scene.cluster(skin, objects[described.joints[joint] as usize], &weights, [columns(&transform), columns(&link)]);
     }
     for animation in &articulation.animations {
@@ -179,7 +179,6 @@ fn commands_of_meshes_and_skeletons_take_fbx_files() {
     succeed(folder, &["mesh", "convert", "arm.fbx", "-o", "arm.obj"]);
     assert_eq!(model(&folder.join("arm.obj")).faces().len(), 2);
     succeed(folder, &["render", "arm.fbx", "-o", "arm.png", "--skeleton", "arm.fbx"]);
-    succeed(folder, &["skin", "weights", "arm.obj", "--skeleton", "arm.fbx", "-o", "weights.json"]);
     // A skeleton that moves, without a mesh.
     let mut bones = Scene::default();
     let root = bones.model("root", 0, Vec::new());
@@ -187,7 +186,20 @@ fn commands_of_meshes_and_skeletons_take_fbx_files() {
     let layer = bones.animation("nod");
     bones.curves(layer, (tip, "Lcl Rotation"), &[("d|X", vec![linear(0.0, 0.0), linear(1.0, 45.0)])]);
     fs::write(folder.join("bones.fbx"), bones.bytes(FORM)).expect("a file");
-    let args = ["pose", "arm.obj", "--skeleton", "bones.fbx", "--clip", "nod", "--frames", "2", "-o", "nod/"];
+    let args = [
+        "pose",
+        "arm.obj",
+        "--skeleton",
+        "bones.fbx",
+        "--clip",
+        "nod",
+        "--weights",
+        "distance",
+        "--frames",
+        "2",
+        "-o",
+        "nod/",
+    ];
     succeed(folder, &args);
 }
 

@@ -145,7 +145,9 @@ fn the_format_follows_from_the_extension() {
     let told = read_rig(&folder.path().join("a.max"), &ReadLimits::default(), &Run::default())
         .expect_err("to be refused")
         .to_string();
-    assert!(told.ends_with("a.max: unknown skeleton file extension (expected json, glb, gltf, vrm, bvh, tgf or skel)"));
+    assert!(
+        told.ends_with("a.max: unknown skeleton file extension (expected json, glb, gltf, vrm, fbx, bvh, tgf or skel)")
+    );
     assert!(rig_text(&skeleton(), None, "fbx").is_err());
 }
 

@@ -4,11 +4,8 @@
 /// A value of a record.
 #[derive(Clone, Debug)]
 pub(crate) enum Value {
-    Flag(bool),
-    Short(i16),
     Int(i32),
     Long(i64),
-    Float(f32),
     Double(f64),
     Text(Vec<u8>),
     Ints(Vec<i32>),
@@ -92,11 +89,8 @@ fn record(form: Form, node: &Node, bytes: &mut Vec<u8>) {
 
 fn value(form: Form, value: &Value, bytes: &mut Vec<u8>) {
     match value {
-        Value::Flag(x) => bytes.extend([b'C', u8::from(*x)]),
-        Value::Short(x) => single(b'Y', x.to_le_bytes(), bytes),
         Value::Int(x) => single(b'I', x.to_le_bytes(), bytes),
         Value::Long(x) => single(b'L', x.to_le_bytes(), bytes),
-        Value::Float(x) => single(b'F', x.to_le_bytes(), bytes),
         Value::Double(x) => single(b'D', x.to_le_bytes(), bytes),
         Value::Text(text) => {
             single(b'S', (text.len() as u32).to_le_bytes(), bytes);
