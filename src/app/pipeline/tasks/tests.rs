@@ -151,7 +151,8 @@ fn hostile_plans_are_refused() {
 #[test]
 fn exports_call_the_tasks_in_their_order() {
     let plan = diamond();
-    let text = |format| export(&plan, Path::new("/share/my plan.json"), Path::new("/share"), format);
+    let text =
+        |format| export(&plan, Path::new("/share/my plan.json"), Path::new("/share"), &PathMap::default(), format);
     let make = text(TaskFormat::Make);
     assert!(
         make.contains("\nd: b c\n\tplumbline task run --plan '/share/my plan.json' --root /share --task d\n"),

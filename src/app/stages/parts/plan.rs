@@ -20,6 +20,7 @@ use plumbline_video::track::{AnalysisWindows, WindowFileError, WindowTracks};
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct JoinWindowsSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// Frames of the clip
     pub(crate) frames: usize,
@@ -72,6 +73,7 @@ impl Stage for JoinWindowsSettings {
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct PlanSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// Frames of each chunk
     pub(crate) chunks: Vec<Range<usize>>,
