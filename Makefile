@@ -4,7 +4,7 @@ export PATH := $(PATH):$(HOME)/.cargo/bin
 # Nothing that is tested or measured comes from the cache of the user.
 export PLUMBLINE_CACHE :=
 .DEFAULT_GOAL := help
-.PHONY: help demo studio studio-page studio-test test test-long deny memcheck miri soak bench media gallery deps deps-build lint unit oracle engine page-if-possible
+.PHONY: help demo studio studio-page studio-test test test-long deny memcheck miri soak bench media gallery deps deps-build lint unit oracle engine engine-long page-if-possible
 
 CLIP ?= media/street-walk.mp4
 
@@ -55,9 +55,10 @@ test: deps page-if-possible lint unit studio-test oracle engine ## formatting, l
 # Members without FFmpeg and clap; each is built alone, so that none leans on a feature that another turns on.
 PURE := num image camera photo video shape testkit
 
-test-long: test deny memcheck miri soak ## what takes longer: random cases by the thousand, kills, faults, soaks, valgrind, Miri, licenses, each library alone
+test-long: test deny memcheck miri soak engine-long ## what takes longer: random cases by the thousand, kills, faults, soaks, valgrind, Miri, licenses, each library alone
 	PROPTEST_CASES=1024 cargo test --workspace --locked
 	PLUMBLINE_CASES=300 cargo test --workspace --locked --test it kills
+	PLUMBLINE_CLIPS=60 cargo test --workspace --locked --test it killed_batch
 	PLUMBLINE_CASES=200 cargo test --workspace --locked --test it faults
 	PLUMBLINE_ROUNDS=1000000 cargo test --workspace --locked --test it fuzz
 	for crate in $(PURE); do cargo check --locked --all-targets --package plumbline-$$crate || exit 1; done
@@ -104,6 +105,10 @@ oracle: deps .venv/ready .venv/node_modules/ready
 engine: deps .venv/ready
 	cargo test --workspace --locked --no-run
 	.venv/bin/python tests/engines/dask.py target/debug/plumbline
+
+# The same with a clip of twelve seconds in parts.
+engine-long: engine
+	.venv/bin/python tests/engines/dask.py target/debug/plumbline --long
 
 bench: deps-build ## Criterion benches (see benches/peers/ for the scripts that compare with others)
 	cargo bench --workspace --locked

@@ -4,7 +4,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use plumbline::app::pipeline::tasks::{TaskFormat, TaskPlan, export};
+use plumbline::app::pipeline::tasks::{PathMap, PathRule, TaskFormat, TaskPlan, export};
 use plumbline::app::pipeline::{Source, print, read};
 use plumbline::camera::{ExifFacts, LensFile, parse_lens};
 use plumbline::image::feature::Mask;
@@ -127,13 +127,15 @@ pub fn pipeline_file(bytes: &[u8]) {
 /// reads back as the same.
 pub fn plan_file(bytes: &[u8]) {
     let Ok(plan) = TaskPlan::parse(&String::from_utf8_lossy(bytes)) else { return };
+    let map = PathMap::new(vec![PathRule::parse("/=/elsewhere").expect("a rule")]).expect("a map");
     for task in &plan.tasks {
+        let _ = task.clone().map_paths(&map);
         if let Ok(instance) = task.instance() {
             let _ = (instance.inputs(), instance.outputs(), task.output_outside(&[]));
         }
     }
     for format in [TaskFormat::Make, TaskFormat::Slurm, TaskFormat::Hq, TaskFormat::Dot] {
-        assert!(!export(&plan, Path::new("plan.json"), Path::new("."), format).is_empty());
+        assert!(!export(&plan, Path::new("plan.json"), Path::new("."), &map, format).is_empty());
     }
     assert_eq!(TaskPlan::parse(&plan.to_text().expect("plain data")), Ok(plan));
 }

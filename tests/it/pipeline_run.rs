@@ -301,6 +301,7 @@ fn a_summary_reads_well() {
         cut_short: false,
         warnings: vec!["2 corrupt packets were concealed".into()],
         seconds: 12.0,
+        ..Summary::default()
     };
     insta::assert_snapshot!(summary);
 }

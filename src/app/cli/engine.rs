@@ -8,8 +8,10 @@ use std::process::{Command, Stdio};
 use clap::{Args, ValueEnum};
 
 use super::failure::Failure;
+use super::path_map::PathMapArgs;
 use super::session::Session;
 use crate::pipeline::items::RECORDS_FOLDER;
+use crate::pipeline::paths::to_name;
 use crate::pipeline::tasks::{TaskFormat, TaskPlan, export};
 use crate::pipeline::{Exit, Pipeline, RunError};
 use crate::stages::files::write_whole;
@@ -38,6 +40,8 @@ pub(super) struct EngineArgs {
     /// Where the other machines have that folder, if elsewhere
     #[arg(long, value_name = "DIR", help_heading = "Other machines")]
     remote_root: Option<PathBuf>,
+    #[command(flatten)]
+    path_map: PathMapArgs,
     /// Address of the Dask scheduler: tls://HOST:PORT, or tcp:// on this machine
     #[arg(long, value_name = "ADDRESS", help_heading = "Other machines")]
     scheduler: Option<String>,
@@ -64,6 +68,9 @@ impl EngineArgs {
         match self.engine {
             Engine::Builtin if self.split.is_some() => Err(Failure::usage(
                 "--split makes tasks for other machines: choose them by --engine dask or hq, or leave it out",
+            )),
+            Engine::Builtin if !self.path_map.map()?.rules().is_empty() => Err(Failure::usage(
+                "--path-map is for tasks on other machines: choose them by --engine dask or hq, or leave it out",
             )),
             Engine::Builtin => Ok(None),
             Engine::Dask => self.dask(pipeline, session).map(Some),
@@ -124,6 +131,9 @@ impl EngineArgs {
                 command.arg(option).arg(file);
             }
         }
+        for rule in self.path_map.map()?.rules() {
+            command.arg("--path-map").arg(to_name(&rule.to_text()));
+        }
         command.args(self.insecure_scheduler.then_some("--insecure-scheduler"));
         if session.progress(pipeline.run.progress) == crate::pipeline::options::ProgressMode::Json {
             command.args(["--progress", "json"]);
@@ -134,7 +144,8 @@ impl EngineArgs {
     fn hq(&self, pipeline: &Pipeline, session: &Session<'_>) -> Result<Exit, Failure> {
         let (plan, name) = self.write_plan(pipeline, session)?;
         let job = self.root().join(&name).with_extension("toml");
-        let text = export(&plan, &self.remote_root().join(&name), &self.remote_root(), TaskFormat::Hq);
+        let (root, map) = (self.remote_root(), self.path_map.map()?);
+        let text = export(&plan, &root.join(&name), &root, &map, TaskFormat::Hq);
         write_whole(&job, text, IfExists::Replace)?;
         exit_of(Command::new("hq").args([OsStr::new("job"), OsStr::new("submit-file")]).arg(job))
     }

@@ -25,6 +25,7 @@ mod morph;
 mod motion;
 mod options;
 mod out_of_memory;
+mod path_map;
 mod photo;
 mod photo_clip;
 mod plan;
@@ -174,9 +175,9 @@ enum ToolCommand {
     /// Check a pipeline file and its batch without opening an input
     Check(check::CheckArgs),
     /// Show the passes of a pipeline and the memory that each needs
-    Plan(plan::PlanArgs),
+    Plan(Box<plan::PlanArgs>),
     /// Do one task of a plan, for an engine that hands them out
-    Task(task::TaskArgs),
+    Task(Box<task::TaskArgs>),
     /// Show what the cache holds and why, or remove it
     Cache(cache::CacheArgs),
     /// Draw the stages of a pipeline

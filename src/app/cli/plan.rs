@@ -1,4 +1,4 @@
-//! `plumbline plan`: the passes of a pipeline and what each holds in memory; its tasks, for engines.
+//! `plumbline plan`: the passes of a pipeline and what each holds in memory; its tasks, how they are, and as JSON for engines.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -7,15 +7,17 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use super::failure::Failure;
-use super::session::Session;
+use super::path_map::PathMapArgs;
+use super::session::{Session, Verbosity};
 use super::{PipelineArgs, print};
-use crate::pipeline::cache::digest_of_file;
+use crate::pipeline::cache::{Cache, digest_of_file};
 use crate::pipeline::memory::human_bytes;
+use crate::pipeline::paths::to_path;
 use crate::pipeline::plan::temporary_space;
 use crate::pipeline::progress::up_to_date_line;
 use crate::pipeline::records::{Records, Standing};
-use crate::pipeline::tasks::{TaskFormat, TaskPlan, export};
-use crate::pipeline::{Exit, Instance, Plan};
+use crate::pipeline::tasks::{Forecast, TaskFormat, TaskPlan, export};
+use crate::pipeline::{Exit, Instance, Pipeline, Plan};
 use crate::stages::files::write_whole;
 use plumbline_num::files::{IfExists, free_space};
 
@@ -37,8 +39,12 @@ pub(super) struct PlanArgs {
     #[arg(long, requires = "json")]
     digests: bool,
     /// Split each stabilized clip that is longer into tasks of about this length, seconds, and read the packets of each for that
-    #[arg(long, value_name = "SECONDS", requires = "json", value_parser = seconds_of_split)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds_of_split)]
     split: Option<f64>,
+    /// Print the expected time on so many workers, each of which does one task at a time; 1, 4 and 16 if left out
+    #[arg(long, value_name = "N,…", value_delimiter = ',', conflicts_with = "json",
+          value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    workers: Vec<u32>,
     /// Write the tasks to a file instead
     #[arg(short, long, value_name = "FILE.json", requires = "json")]
     output: Option<PathBuf>,
@@ -61,6 +67,8 @@ struct PlanExportArgs {
     /// The folder that the paths of the tasks start from, on the machines that run them; the working directory if left out
     #[arg(long, value_name = "DIR")]
     root: Option<PathBuf>,
+    #[command(flatten)]
+    path_map: PathMapArgs,
 }
 
 impl PlanArgs {
@@ -68,7 +76,7 @@ impl PlanArgs {
         match (self.command, self.pipeline) {
             (Some(PlanCommand::Export(args)), _) => args.run(),
             (None, Some(args)) if self.json => args.tasks(self.root, self.output, self.digests, self.split, session),
-            (None, Some(args)) => args.passes(session),
+            (None, Some(args)) => args.passes(self.split, &self.workers, session),
             (None, None) => Err(Failure::usage("give a pipeline file, or the name of a shipped one")),
         }
     }
@@ -106,8 +114,8 @@ impl PipelineArgs {
         Ok(Exit::Done)
     }
 
-    /// Prints the passes.
-    fn passes(&self, session: &Session<'_>) -> Result<Exit, Failure> {
+    /// Prints the passes, and how the tasks are.
+    fn passes(&self, split: Option<f64>, workers: &[u32], session: &Session<'_>) -> Result<Exit, Failure> {
         let pipeline = self.read()?;
         // A plan can be read before the clips exist: then the figures stay symbolic.
         let instances = self.instances(&pipeline)?;
@@ -134,9 +142,43 @@ impl PipelineArgs {
             // Writing to a string does not fail.
             let _ = writeln!(text, "free for temporary files: {} in {}", human_bytes(free), folder.display());
         }
+        if let Some(forecast) = forecast(&pipeline, &instances, split, session)? {
+            let rows = if session.verbosity == Verbosity::Detailed { usize::MAX } else { ROWS };
+            let workers: Vec<usize> = workers.iter().map(|n| *n as usize).collect();
+            let workers = if workers.is_empty() { WORKERS.to_vec() } else { workers };
+            text = text + "\n" + &forecast.table(rows) + &forecast.totals(&workers);
+        }
         print(&text);
         Ok(Exit::Done)
     }
+}
+
+/// Tasks that are listed: of more, their number is what is looked for.
+const ROWS: usize = 20;
+/// Workers for which the time is printed, where none are given.
+const WORKERS: [usize; 3] = [1, 4, 16];
+
+/// How the tasks of a pipeline are; `None` where it has none: nothing to work on, or standard input and output, which are of no plan.
+fn forecast(
+    pipeline: &Pipeline,
+    instances: &[Instance],
+    split: Option<f64>,
+    session: &Session<'_>,
+) -> Result<Option<Forecast>, Failure> {
+    let is_standard =
+        |instance: &Instance| [instance.inputs(), instance.outputs()].concat().iter().any(|p| p == Path::new("-"));
+    if instances.is_empty() || instances.iter().any(is_standard) {
+        return Ok(None);
+    }
+    let root = Path::new(".");
+    let mut plan = TaskPlan::of(pipeline, instances, root, session.runner)?;
+    if let Some(seconds) = split {
+        split_clips(&mut plan, root, seconds, session)?;
+    }
+    // To look into a cache does not make one.
+    let used = pipeline.run.cache_use();
+    let cache = used.and_then(|used| Cache::existing(&to_path(&used.folder), used.trusted).ok().flatten());
+    Ok(Some(plan.forecast(cache.as_ref())?))
 }
 
 /// Shortest part of a clip, s: of less, the first key frames and the files between tasks would take more than the frames.
@@ -168,7 +210,8 @@ impl PlanExportArgs {
         // Where it runs, the working directory is another.
         let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let root = self.root.unwrap_or_else(|| absolute(PathBuf::from(".")));
-        print(&export(&plan, &absolute(self.plan), &root, self.format));
+        let map = self.path_map.map()?;
+        print(&export(&plan, &absolute(self.plan), &root, &map, self.format));
         Ok(Exit::Done)
     }
 }

@@ -9,6 +9,7 @@ use std::time::{Instant, SystemTime};
 use clap::{Args, Subcommand};
 
 use super::failure::Failure;
+use super::path_map::PathMapArgs;
 use super::session::Session;
 use crate::pipeline::execute::{Backend, Report, execute_alone};
 use crate::pipeline::items::RECORDS_FOLDER;
@@ -16,7 +17,7 @@ use crate::pipeline::options::{Existing, ProgressMode, RunSettings};
 use crate::pipeline::paths::{shown, to_path};
 use crate::pipeline::progress::for_mode;
 use crate::pipeline::records::{Records, Standing, refusal};
-use crate::pipeline::tasks::{Task, TaskPlan};
+use crate::pipeline::tasks::{PATH_MAP_VARIABLE, Task, TaskPlan};
 use crate::pipeline::{Exit, RunError, StageRunner};
 use crate::stages::parts::PartJoiner;
 
@@ -46,6 +47,8 @@ struct TaskRunArgs {
     /// Write only below this folder; may be repeated; the root if left out
     #[arg(long = "write-below", value_name = "DIR")]
     write_below: Vec<PathBuf>,
+    #[command(flatten)]
+    path_map: PathMapArgs,
     /// Threads; those that the plan states if left out
     #[arg(long, value_name = "N")]
     threads: Option<u32>,
@@ -66,7 +69,14 @@ impl TaskRunArgs {
     fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
         let plan = TaskPlan::read(&self.plan).map_err(|e| Failure::new(e.exit(), e.to_string()))?;
         let unknown = || Failure::usage(format!("the plan has no task `{}`", shown(&self.task)));
-        let task = plan.task(&self.task).ok_or_else(unknown)?;
+        let map = self.path_map.map()?.with_variable(std::env::var_os(PATH_MAP_VARIABLE).as_deref());
+        let map = map.map_err(Failure::usage)?;
+        let mapped = |task: &Task| {
+            let mut task = task.clone();
+            task.map_paths(&map).map_err(|e| Failure::usage(format!("task `{}`: {e}", task.id)))?;
+            Ok::<Task, Failure>(task)
+        };
+        let task = &mapped(plan.task(&self.task).ok_or_else(unknown)?)?;
         let instance = task.instance().map_err(|e| Failure::usage(format!("{}: {e}", self.plan.display())))?;
         // A share that is not mounted may be there on the next try, or on another machine.
         let absent = |e| Failure::new(Exit::Temporary, format!("the root `{}` is not there: {e}", self.root.display()));
@@ -84,7 +94,8 @@ impl TaskRunArgs {
         std::env::set_current_dir(&root).map_err(absent)?;
         check_outputs(task, &below)?;
         check_inputs(task)?;
-        let whole = task.part_of.as_deref().and_then(|id| plan.task(id));
+        let whole = task.part_of.as_deref().and_then(|id| plan.task(id)).map(mapped).transpose()?;
+        let whole = whole.as_ref();
         if let Some(whole) = whole
             && is_done(whole)?
         {

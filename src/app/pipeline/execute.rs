@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::batch::Instance;
 use super::check::Pipeline;
+use super::estimate::{measurements, past};
 use super::job::{ArtifactStore, Job, JobOptions, StageRunner};
 use super::options::{BatchSettings, Existing, OnError, RunSettings};
 use super::progress::{Event, Progress, TaskProgress};
@@ -335,11 +336,21 @@ impl Executor<'_> {
                 do_work(&Job::new(instance, &options, &progress, self.cancel, Some(&publishing)), self.backend)
             }
         }?;
+        self.note_times(instance, &summary);
         // A folder that takes no record keeps its results.
         if let Some(Err(error)) = record.map(|record| record.finish(&summary.outputs)) {
             summary.warnings.push(format!("not on record, so that a later run cannot skip it: {error}"));
         }
         Ok(summary)
+    }
+
+    /// Adds what the item took to the past runs that estimates follow from: with the cache, and off with it.
+    fn note_times(&self, instance: &Instance, summary: &Summary) {
+        let Some(cache) = self.run.cache_use().and_then(|used| used.open().ok()) else { return };
+        let found = measurements(instance, &summary.work, self.threads, summary);
+        if let Err(error) = past::add(&cache, &found) {
+            tracing::info!("the times of {} are not noted: {error}", instance.key);
+        }
     }
 
     /// Refuses existing files and makes missing folders before any work is done.
@@ -392,6 +403,9 @@ pub(super) fn do_work(job: &Job<'_>, backend: &dyn StageRunner) -> Result<Summar
             done.map_err(|error| job.check_cancel().err().unwrap_or_else(|| error.settled()))?;
         }
         summary.seconds = started.elapsed().as_secs_f64();
+        if job.cache.is_some() {
+            summary.work = backend.work_size(job.instance, None);
+        }
         Ok(summary)
     };
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(RunError::Internal(panic_text(panic.as_ref()))))

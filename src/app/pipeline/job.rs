@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::batch::Instance;
 use super::cache::CacheUse;
+use super::estimate::WorkSize;
 use super::graph::{Edge, Graph};
 use super::memory::ClipShape;
 use super::paths::as_texts;
@@ -184,6 +185,11 @@ pub trait StageRunner: Sync {
     /// [`RunError::Input`] where it cannot be read.
     fn frame_times(&self, input: &Path, _settings: &DecodeSettings) -> Result<Vec<Timestamp>, RunError> {
         Err(RunError::Internal(format!("the frames of {} are unknown", input.display())))
+    }
+
+    /// How much an instance has to do, by what its inputs state of themselves; `clip`: what is known of its clip.
+    fn work_size(&self, _instance: &Instance, _clip: Option<&ClipShape>) -> WorkSize {
+        WorkSize::default()
     }
 
     /// Refuses a job that must fail at its end, before any work is done.

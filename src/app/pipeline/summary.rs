@@ -1,11 +1,13 @@
 //! The result of a finished instance: filled by the stages, printed by the command.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::estimate::WorkSize;
 use super::paths::as_texts;
 use crate::report::Segment;
 use plumbline_media::{Input, VideoInfo};
@@ -87,6 +89,12 @@ pub struct Summary {
     pub surface: Option<SurfaceSummary>,
     /// Wall time, seconds; filled by the executor.
     pub seconds: f64,
+    /// Wall time by kind of stage, seconds. A stage that pulls frames through others has their time.
+    #[serde(default)]
+    pub stage_seconds: BTreeMap<String, f64>,
+    /// How much there was to do, where times are noted.
+    #[serde(default)]
+    pub work: WorkSize,
 }
 
 /// The window that a clip's new shape shows of its pictures, before they are warped.
@@ -193,6 +201,11 @@ impl Summary {
     /// Of an item whose results were there.
     pub fn of_up_to_date(outputs: Vec<PathBuf>) -> Self {
         Self { up_to_date: true, outputs, ..Self::default() }
+    }
+
+    /// Adds to the time of a kind of stage.
+    pub fn note_seconds(&mut self, kind: &str, seconds: f64) {
+        *self.stage_seconds.entry(kind.to_owned()).or_default() += seconds.max(0.0);
     }
 
     /// Frames written per second of wall time.

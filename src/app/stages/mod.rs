@@ -65,9 +65,11 @@ mod video_smooth;
 mod video_stmap;
 mod video_track;
 mod video_warp;
+mod work_size;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 pub use character_pose::{PoseSettings, SkinningChoice};
 pub use faces_detect::FacesDetectSettings;
@@ -115,10 +117,11 @@ pub use video_track::TrackSettings;
 pub use video_warp::{ModelChoice, WarpSettings};
 
 use crate::pipeline::batch::Instance;
+use crate::pipeline::estimate::WorkSize;
 use crate::pipeline::graph::Graph;
 use crate::pipeline::job::{ArtifactStore, Job, Probed, StageRunner};
 use crate::pipeline::kind::StageKind;
-use crate::pipeline::memory::human_bytes;
+use crate::pipeline::memory::{ClipShape, human_bytes};
 use crate::pipeline::plan::{Pass, temporary_space};
 use crate::pipeline::run_error::RunError;
 use crate::pipeline::summary::Summary;
@@ -199,6 +202,10 @@ impl StageRunner for BuiltinStages {
 
     fn frame_times(&self, input: &Path, settings: &DecodeSettings) -> Result<Vec<Timestamp>, RunError> {
         probe::frame_times(input, settings)
+    }
+
+    fn work_size(&self, instance: &Instance, clip: Option<&ClipShape>) -> WorkSize {
+        work_size::work_size(instance, clip)
     }
 
     fn preflight(&self, instance: &Instance) -> Result<(), RunError> {
@@ -303,7 +310,13 @@ fn run_still(context: &mut Context<'_, '_>) -> Result<(), RunError> {
 
 fn run_stage(context: &mut Context<'_, '_>, stage: usize) -> Result<(), RunError> {
     let settings = Arc::clone(&context.stage(stage).settings);
-    settings.run(context, stage)
+    let (started, noted) = (Instant::now(), context.summary.stage_seconds.values().sum::<f64>());
+    settings.run(context, stage)?;
+    // What the stage did for others is theirs.
+    let of_others = context.summary.stage_seconds.values().sum::<f64>() - noted;
+    let kind = context.stage(stage).kind.name;
+    context.summary.note_seconds(kind, started.elapsed().as_secs_f64() - of_others);
+    Ok(())
 }
 
 /// Drops the results that no stage of `stages` after position `done` takes.

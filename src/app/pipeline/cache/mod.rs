@@ -9,6 +9,7 @@
 //! CACHE/entries/9c/9c1e…/meta.json     {"kind": "video.track", "parts": {"points": 600, …}, "files": [{"name", "bytes", "digest"}], …}
 //! CACHE/entries/9c/9c1e…/00000.window
 //! CACHE/sources/77/77aa…               digest of a file by its path, size, times and inode
+//! CACHE/times.jsonl                    what past runs took, for the estimates of plans
 //! ```
 
 mod entry;
@@ -27,13 +28,14 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use entry::META;
 pub use entry::{Entry, NewEntry};
+use entry::{META, Meta};
 pub use key::Key;
-use sources::digest_of;
 pub use sources::digest_of_file;
-pub use why::{Difference, Explanation};
+use sources::{digest_of, known_digest_of};
+pub use why::{Difference, Explanation, source_name};
 
+use super::estimate::past::TIMES_FILE;
 use super::paths::to_path;
 
 /// Largest cache, bytes, and as a fraction of the space that is free beside it.
@@ -76,6 +78,19 @@ impl CacheUse {
 #[derive(Clone, Debug)]
 pub struct Cache {
     folder: PathBuf,
+}
+
+/// Of what a result was made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Made {
+    /// Kind of the result, such as `video.track`.
+    pub kind: String,
+    /// The files that the run read which made it, as [`source_name`] has them.
+    pub sources: Vec<String>,
+    /// Digest of the program.
+    pub build: String,
+    /// Milliseconds since 1970.
+    pub made_ms: u64,
 }
 
 /// How much a cache holds.
@@ -124,6 +139,11 @@ impl Cache {
         Some(base.join("plumbline"))
     }
 
+    /// Where it is.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     fn entries_folder(&self) -> PathBuf {
         self.folder.join("entries")
     }
@@ -138,6 +158,11 @@ impl Cache {
     /// An entry whose list of files is damaged, or cannot be read.
     pub fn find(&self, key: &Key) -> io::Result<Option<Entry>> {
         Entry::open(self.entry_folder(&key.hash), key)
+    }
+
+    /// Whether there is a result with this key, which is not looked into.
+    pub fn has(&self, key: &Key) -> bool {
+        self.entry_folder(&key.hash).join(META).is_file()
     }
 
     /// Begins a result, made by a run that read the files `sources`.
@@ -162,6 +187,24 @@ impl Cache {
     /// A file that cannot be read, or that changes while it is.
     pub fn digest_of(&self, path: &Path) -> io::Result<String> {
         digest_of(path, Some(&self.folder.join("sources")))
+    }
+
+    /// The same where it is looked up: a file that nobody read is not read.
+    pub fn known_digest_of(&self, path: &Path) -> Option<String> {
+        known_digest_of(path, &self.folder.join("sources"))
+    }
+
+    /// What runs on which files made the results that are there; entries that cannot be read are passed over.
+    ///
+    /// # Errors
+    /// The system's error.
+    pub fn index(&self) -> io::Result<Vec<Made>> {
+        let of_entry = |folder: PathBuf| {
+            let (meta, _) = Meta::read(&folder).ok()??;
+            let build = meta.parts.get("build").and_then(|build| build.as_str()).unwrap_or_default().to_owned();
+            Some(Made { kind: meta.kind, sources: meta.sources, build, made_ms: meta.made })
+        };
+        Ok(self.entry_folders()?.into_iter().filter_map(of_entry).collect())
     }
 
     /// BLAKE3 of the program that runs: of another build nobody has compared every bit, and `cache_version` is raised by people.
@@ -214,12 +257,16 @@ impl Cache {
         Ok(removed)
     }
 
-    /// Removes all results, and the digests of files.
+    /// Removes all results, the digests of files and the times of past runs.
     ///
     /// # Errors
     /// The system's error.
     pub fn clear(&self) -> io::Result<Usage> {
         self.forget(Duration::ZERO)?;
+        match fs::remove_file(self.folder.join(TIMES_FILE)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
         self.shrink(0)
     }
 

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use crate::pipeline::paths::to_text;
@@ -26,10 +26,8 @@ pub fn digest_of_file(path: &Path) -> io::Result<String> {
 pub(super) fn digest_of(path: &Path, notes: Option<&Path>) -> io::Result<String> {
     let mut file = open_regular(path)?;
     let (before, changed) = state(path, &file)?;
-    let name = blake3::hash(before.as_bytes()).to_hex().to_string();
-    let note = notes.map(|notes| notes.join(&name[..2]).join(&name));
-    let is_digest = |text: &String| text.len() == 64 && text.bytes().all(|b| b.is_ascii_hexdigit());
-    if let Some(known) = note.as_ref().and_then(|note| fs::read_to_string(note).ok()).filter(is_digest) {
+    let note = notes.map(|notes| note_of(&before, notes));
+    if let Some(known) = note.as_ref().and_then(|note| noted(note)) {
         return Ok(known);
     }
     let mut hasher = blake3::Hasher::new();
@@ -43,6 +41,23 @@ pub(super) fn digest_of(path: &Path, notes: Option<&Path>) -> io::Result<String>
         let _ = fs::create_dir_all(note.parent().unwrap_or(path)).and_then(|()| fs::write(&note, &digest));
     }
     Ok(digest)
+}
+
+/// The digest of a file where it is noted; the file is not read.
+pub(super) fn known_digest_of(path: &Path, notes: &Path) -> Option<String> {
+    let file = open_regular(path).ok()?;
+    noted(&note_of(&state(path, &file).ok()?.0, notes))
+}
+
+/// The note of a file in this state.
+fn note_of(state: &str, notes: &Path) -> PathBuf {
+    let name = blake3::hash(state.as_bytes()).to_hex().to_string();
+    notes.join(&name[..2]).join(&name)
+}
+
+fn noted(note: &Path) -> Option<String> {
+    let is_digest = |text: &String| text.len() == 64 && text.bytes().all(|b| b.is_ascii_hexdigit());
+    fs::read_to_string(note).ok().filter(is_digest)
 }
 
 /// What shows that a file was changed, and when it was.

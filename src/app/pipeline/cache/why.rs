@@ -65,7 +65,7 @@ impl Cache {
 }
 
 /// The name under which entries list a file that was read.
-pub(super) fn source_name(path: &Path) -> String {
+pub fn source_name(path: &Path) -> String {
     to_text(path.canonicalize().unwrap_or_else(|_| path.to_owned()))
 }
 

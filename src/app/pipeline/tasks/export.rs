@@ -8,7 +8,7 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use super::{Task, TaskPlan};
+use super::{PathMap, Task, TaskPlan};
 use crate::pipeline::paths::to_text;
 
 /// A language that a plan can be written in.
@@ -24,9 +24,11 @@ pub enum TaskFormat {
     Dot,
 }
 
-/// `plan`, which is at the path `file`, for another program; `root` is the folder of its paths on the machines that run it.
-pub fn export(plan: &TaskPlan, file: &Path, root: &Path, format: TaskFormat) -> String {
-    let call = Call { plan: to_text(file), root: to_text(root) };
+/// `plan`, which is at the path `file`, for another program; `root` is the folder of its paths on the machines that run it, which have
+/// other folders where `map` says.
+pub fn export(plan: &TaskPlan, file: &Path, root: &Path, map: &PathMap, format: TaskFormat) -> String {
+    let rules = map.rules().iter().flat_map(|rule| ["--path-map".to_owned(), rule.to_text()]).collect();
+    let call = Call { plan: to_text(file), root: to_text(root), rules };
     match format {
         TaskFormat::Make => make(plan, &call),
         TaskFormat::Slurm => slurm(plan, &call),
@@ -39,17 +41,20 @@ pub fn export(plan: &TaskPlan, file: &Path, root: &Path, format: TaskFormat) -> 
 struct Call {
     plan: String,
     root: String,
+    /// Arguments for folders that are elsewhere.
+    rules: Vec<String>,
 }
 
 impl Call {
     /// Arguments in front of the name of the task.
-    fn words(&self) -> [&str; 8] {
-        ["plumbline", "task", "run", "--plan", &self.plan, "--root", &self.root, "--task"]
+    fn words(&self) -> Vec<&str> {
+        let start = ["plumbline", "task", "run", "--plan", &self.plan, "--root", &self.root];
+        start.into_iter().chain(self.rules.iter().map(String::as_str)).chain(["--task"]).collect()
     }
 
     /// The same for a shell.
     fn line(&self) -> String {
-        self.words().map(quoted).join(" ")
+        self.words().into_iter().map(quoted).collect::<Vec<_>>().join(" ")
     }
 }
 
@@ -124,7 +129,7 @@ fn hq(plan: &TaskPlan, call: &Call) -> String {
     let text = |word: &str| toml_edit::Value::from(word).to_string().trim().to_owned();
     let mut out = "name = \"plumbline\"\n".to_owned();
     for (i, task) in plan.tasks.iter().enumerate() {
-        let words: Vec<String> = call.words().iter().chain(&[task.id.as_str()]).map(|word| text(word)).collect();
+        let words: Vec<String> = call.words().into_iter().chain([task.id.as_str()]).map(text).collect();
         let deps: Vec<String> = task.after.iter().map(|id| number[id.as_str()].to_string()).collect();
         let _ = write!(
             out,

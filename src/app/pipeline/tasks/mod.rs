@@ -13,10 +13,13 @@
 //!   "tasks": [ { "id": "tour.mp4", "key": "b3:9c1e…", "after": [], "outputs": ["out/tour.mp4"],
 //!                "inputs": [ { "path": "clips/tour.mp4", "file": { "size": 812345678, "mtime_ns": 1764230400000000000 } } ],
 //!                "resources": { "cpus": 2, "memory_mb": 310, "gpus": 0 }, "retries": 2, "timeout_s": 86400,
+//!                "estimate": { "seconds": 41.2, "disk_mb": 52.7, "work": {}, "stages": { "video.track": 12.3, "video.encode": 28.9 } },
 //!                "order": { "key": "clips/tour.mp4", "stages": [] } } ] }
 //! ```
 
 mod export;
+mod forecast;
+mod path_map;
 mod split;
 
 use std::collections::HashSet;
@@ -28,17 +31,20 @@ use serde_json::Value as Json;
 use super::batch::Instance;
 use super::cache::digest_of_file;
 use super::check::Pipeline;
+use super::estimate::Estimate;
 use super::execute::BYTES_PER_PHOTO;
-use super::graph::Stage;
 use super::job::{JobOptions, StageRunner};
 use super::paths::{to_path, to_text};
 use super::records::{Stamp, resolved};
 use super::run_error::{Exit, RunError};
+use super::setting_paths::{PathSetting, for_each_path};
 use super::worker::Order;
 use crate::stages::parts::ClipParts;
 use plumbline_num::document::{Kind, VERSION};
 
 pub use export::{TaskFormat, export};
+pub use forecast::{Forecast, TaskForecast, TaskState};
+pub use path_map::{PATH_MAP_VARIABLE, PathMap, PathRule};
 
 /// Files of plans.
 const KIND: Kind = Kind { name: "a plan of tasks", format: "plumbline.plan", max_bytes: 1 << 30 };
@@ -82,6 +88,9 @@ pub struct Task {
     pub retries: u32,
     /// Longest time, s.
     pub timeout_s: u64,
+    /// What it is expected to take, by the model that is shipped with the program: the same on every machine.
+    #[serde(default)]
+    pub estimate: Estimate,
     /// The task of the clip that this one does a part of: where that is done, this one is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part_of: Option<String>,
@@ -151,11 +160,18 @@ impl TaskPlan {
                 // Each machine has its own.
                 cache: None,
             };
+            let estimate = Estimate::of(instance, &runner.work_size(instance, clip.as_ref()), cpus);
             let mut order = Order::of(instance, options);
             let stages = instance.graph.stages.iter();
             let path = |path: &str| relative(path, &root);
-            for (stage, settings) in stages.clone().zip(order.settings()) {
-                map_paths(stage, settings, &path)?;
+            for (kind, settings) in order.kinds_and_settings().filter_map(|(kind, settings)| Some((kind?, settings))) {
+                for_each_path(&kind.json_schema(), settings, &mut |text, setting| {
+                    // A lens is a file or a word.
+                    if setting == PathSetting::Path || to_path(text).is_file() {
+                        *text = path(text)?;
+                    }
+                    Ok::<(), RunError>(())
+                })?;
             }
             let input = |read: &str| Ok(TaskInput { path: path(read)?, file: Stamp::of(&to_path(read)), digest: None });
             let inputs: Vec<TaskInput> =
@@ -171,6 +187,7 @@ impl TaskPlan {
                 resources: Resources { cpus, memory_mb: (PROGRAM_BYTES + memory).div_ceil(1_000_000), gpus: 0 },
                 retries: if batch.retries > 0 { batch.retries } else { RETRIES },
                 timeout_s: if still { TIMEOUTS.1 } else { TIMEOUTS.0 },
+                estimate,
                 part_of: None,
                 parts: None,
                 order,
@@ -367,37 +384,6 @@ fn relative(path: &str, root: &Path) -> Result<String, RunError> {
     let absolute = resolved(&to_path(path));
     let inside = absolute.strip_prefix(root).map(Path::to_owned).unwrap_or(absolute);
     Ok(to_text(if inside == Path::new("") { PathBuf::from(".") } else { inside }))
-}
-
-/// Replaces the paths among the settings of a stage.
-fn map_paths(
-    stage: &Stage,
-    settings: &mut Json,
-    path: &impl Fn(&str) -> Result<String, RunError>,
-) -> Result<(), RunError> {
-    let schema = stage.kind.json_schema();
-    let Some(settings) = settings.as_object_mut() else { return Ok(()) };
-    for (name, value) in settings {
-        let is_path = match schema["properties"][name]["format"].as_str() {
-            Some("path") => true,
-            // A lens is a file or a word.
-            Some("lens") => value.as_str().is_some_and(|lens| to_path(lens).is_file()),
-            _ => false,
-        };
-        let texts = match value {
-            Json::Array(list) if is_path => list.iter_mut().collect(),
-            value if is_path => vec![value],
-            _ => Vec::new(),
-        };
-        for text in texts {
-            if let Json::String(text) = text
-                && !text.is_empty()
-            {
-                *text = path(text)?;
-            }
-        }
-    }
-    Ok(())
 }
 
 /// BLAKE3 over the version, the stages with their settings, and the inputs.

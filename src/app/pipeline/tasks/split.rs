@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Ids, Task, TaskPlan, key_of};
 use crate::pipeline::batch::Instance;
+use crate::pipeline::estimate::Estimate;
 use crate::pipeline::graph::{Edge, Graph, Stage};
 use crate::pipeline::items::RECORDS_FOLDER;
 use crate::pipeline::job::StageRunner;
@@ -230,6 +231,7 @@ impl Splitter<'_> {
         tasks.append(&mut rendered);
         let mut whole = self.task;
         (whole.after, whole.parts, whole.resources.cpus) = (after, Some(ClipParts { chunks: spans }), 1);
+        whole.estimate = Estimate::of_joining(&whole.estimate);
         tasks.push(whole);
         Ok(tasks)
     }
@@ -243,12 +245,14 @@ impl Splitter<'_> {
         let mut resources = self.task.resources;
         // A clip in parts gains by more tasks at once, not by more threads in each.
         resources.cpus = 1;
+        let estimate = Estimate::of(&instance, &self.task.estimate.work, resources.cpus);
         Ok(Task {
             id,
             key: key_of(&order, &self.task.inputs)?,
             after: after.to_vec(),
             outputs: instance.outputs().iter().map(to_text).collect(),
             resources,
+            estimate,
             part_of: Some(self.task.id.clone()),
             order,
             ..self.task.clone()

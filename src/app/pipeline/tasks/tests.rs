@@ -151,7 +151,8 @@ fn hostile_plans_are_refused() {
 #[test]
 fn exports_call_the_tasks_in_their_order() {
     let plan = diamond();
-    let text = |format| export(&plan, Path::new("/share/my plan.json"), Path::new("/share"), format);
+    let text =
+        |format| export(&plan, Path::new("/share/my plan.json"), Path::new("/share"), &PathMap::default(), format);
     let make = text(TaskFormat::Make);
     assert!(
         make.contains("\nd: b c\n\tplumbline task run --plan '/share/my plan.json' --root /share --task d\n"),
@@ -207,7 +208,7 @@ fn split_plan() -> TaskPlan {
 fn a_long_clip_is_cut_into_whole_windows_and_equal_chunks() {
     let plan = split_plan();
     let ids: Vec<&str> = plan.tasks.iter().map(|task| task.id.as_str()).collect();
-    let parts = ["tracks-0", "tracks-1", "tracks-2", "plan", "render-0", "render-1", "render-2", "render-3"];
+    let parts = ["tracks-0", "tracks-1", "tracks-2", "motion", "plan", "render-0", "render-1", "render-2", "render-3"];
     let (whole, named) = ids.split_last().expect("tasks");
     assert_eq!(named, parts.map(|part| format!("{whole}.{part}")));
     let whole = plan.task(whole).expect("there");

@@ -6,6 +6,7 @@ use serde_json::Value as Json;
 use crate::pipeline::batch::Instance;
 use crate::pipeline::graph::{Edge, Graph, Stage};
 use crate::pipeline::job::JobOptions;
+use crate::pipeline::kind::StageKind;
 use crate::pipeline::plan::Plan;
 use crate::stages;
 
@@ -46,9 +47,11 @@ impl Order {
         &self.stages
     }
 
-    /// The settings of each stage.
-    pub(in crate::pipeline) fn settings(&mut self) -> impl Iterator<Item = &mut Json> {
-        self.stages.iter_mut().map(|stage| &mut stage.settings)
+    /// The kind of each stage, where this program knows it, and its settings.
+    pub(in crate::pipeline) fn kinds_and_settings(
+        &mut self,
+    ) -> impl Iterator<Item = (Option<&'static StageKind>, &mut Json)> {
+        self.stages.iter_mut().map(|stage| (stages::find_in_task(&stage.kind), &mut stage.settings))
     }
 
     /// The instance, with its plan; it has no item, since nothing is left open.

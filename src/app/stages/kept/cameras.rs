@@ -1,6 +1,7 @@
 //! The cameras of a clip in space, which structure from motion recovers from its tracks.
 
 use std::io::{self, BufWriter, Write};
+use std::time::Instant;
 
 use serde_json::json;
 
@@ -44,7 +45,10 @@ pub(crate) fn with_cameras(
         let frames = motion.frames.len();
         let fits = |cameras: &ClipCameras| cameras.frames.len() == frames;
         let cameras = kept(slot.as_ref(), context, fits, |context| {
+            let started = Instant::now();
             complete_motion(motion, tracks, settings, focal_px, &context.job.run())?;
+            let kind = context.stage(stage).kind.name;
+            context.summary.note_seconds(kind, started.elapsed().as_secs_f64());
             Ok(motion.cameras.take().unwrap_or_default())
         })?;
         motion.cameras = Some(cameras);

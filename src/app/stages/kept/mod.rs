@@ -21,15 +21,20 @@ mod tracks;
 mod weights;
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
 
 use serde_json::Value as Json;
 
 use super::context::Context;
 use super::video_decode::DecodeSettings;
 use crate::pipeline::RunError;
-use crate::pipeline::cache::{Cache, Entry, Key, NewEntry};
+use crate::pipeline::batch::Instance;
+use crate::pipeline::cache::{Cache, Entry, Key, Made, NewEntry, source_name};
+use crate::pipeline::graph::Stage;
+use crate::pipeline::kind::Settings;
 use crate::pipeline::paths::to_path;
+use crate::stages::{MotionSettings, TrackSettings};
 
 pub(crate) use cameras::with_cameras;
 pub(crate) use curve::curve_of;
@@ -209,10 +214,56 @@ impl Slot {
     }
 }
 
+/// The results of an instance that are expected in the cache, of which `index` lists what is there and `build` is the program that runs.
+///
+/// Tracks are known by their key. What follows from a result in memory has a key that only the run knows: it is expected where a run of
+/// this program on the same file stored one of its kind, and the file is older.
+pub(crate) fn expected(instance: &Instance, cache: &Cache, index: &[Made], build: &str) -> Vec<&'static ResultKind> {
+    let stages = &instance.graph.stages;
+    let inputs: Vec<(String, u64)> =
+        instance.inputs().iter().map(|path| (source_name(path), modified_ms(path))).collect();
+    let is_made = |kind: &str| {
+        let of_inputs = |made: &Made| {
+            let is_source = |(name, modified): &(String, u64)| made.sources.contains(name) && *modified <= made.made_ms;
+            made.kind == kind && made.build == build && inputs.iter().any(is_source)
+        };
+        index.iter().any(of_inputs)
+    };
+    let are_tracks = |stage: &Stage, options: &TrackSettings| {
+        let decode = stage.edges.iter().find(|e| e.port.name == "frames").and_then(|e| stages.get(e.from));
+        let clip = decode.and_then(|decode| clip_of(decode.settings.as_ref()));
+        clip.is_some_and(|(path, decoded)| tracks::are_kept(cache, build, &path, &decoded, options))
+    };
+    let is_expected = |result: &&ResultKind| {
+        stages.iter().filter(|stage| stage.kind.name == result.stage).any(|stage| {
+            let (tracks, motion) = (stage.settings.get::<TrackSettings>(), stage.settings.get::<MotionSettings>());
+            match (tracks, motion) {
+                (Some(options), _) => are_tracks(stage, options),
+                // Planar motion is measured each time.
+                (_, Some(motion)) => motion.cameras && is_made(result.stage),
+                _ => is_made(result.stage),
+            }
+        })
+    };
+    RESULTS.into_iter().filter(is_expected).collect()
+}
+
+/// When a file was changed, milliseconds since 1970; never, of one that cannot be looked at.
+fn modified_ms(path: &Path) -> u64 {
+    let modified = path.metadata().and_then(|meta| meta.modified()).ok();
+    let since = modified.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    since.map_or(u64::MAX, |time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX))
+}
+
 /// The parts of a key that say which frames stage number `decode` gives; `None` for a clip that is not one file: a playlist names
 /// others, and a pattern means them.
 fn clip(context: &Context<'_, '_>, decode: usize) -> Option<(PathBuf, DecodeSettings)> {
-    let settings = context.stage(decode).settings.get::<DecodeSettings>()?.clone();
+    clip_of(context.stage(decode).settings.as_ref())
+}
+
+/// The same by the settings of the stage.
+fn clip_of(decode: &dyn Settings) -> Option<(PathBuf, DecodeSettings)> {
+    let settings = decode.get::<DecodeSettings>()?.clone();
     let path = to_path(&settings.path);
     let is_one = path.is_file() && !settings.allow_playlist;
     is_one.then(|| (path, DecodeSettings { path: String::new(), ..settings }))

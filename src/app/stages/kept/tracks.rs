@@ -1,14 +1,16 @@
 //! The tracks of a clip: window by window, before any lens is applied and any path is planned.
 
 use std::io;
+use std::path::Path;
 
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
 use super::{Slot, TRACKS, clip};
 use crate::pipeline::RunError;
-use crate::pipeline::cache::{Entry, NewEntry};
-use crate::stages::TrackSettings;
+use crate::pipeline::cache::{Cache, Entry, Key, NewEntry};
+use crate::pipeline::paths::unescaped;
 use crate::stages::context::Context;
+use crate::stages::{DecodeSettings, TrackSettings};
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::stabilize::{StabilizeError, Tracks, WindowJoiner};
 use plumbline_video::track::{AnalysisWindows, FrameTracks, WindowTracks};
@@ -26,13 +28,7 @@ impl CachedTracks {
     ) -> Option<Self> {
         let (path, decoded) = clip(context, decode)?;
         let slot = Slot::of(context, stage, &TRACKS, |cache| {
-            let mask = options.mask.as_deref().map(|mask| cache.digest_of(mask)).transpose()?;
-            Ok([
-                ("clip", json!(cache.digest_of(&path)?)),
-                ("decode", json!(decoded)),
-                ("mask", json!(mask)),
-                ("points", json!(options.points)),
-            ])
+            key_parts(&path, &decoded, options, |path| cache.digest_of(path))
         });
         slot.map(Self)
     }
@@ -59,6 +55,38 @@ impl CachedTracks {
             }
         }
     }
+}
+
+/// What decides the tracks of a clip.
+fn key_parts<E>(
+    path: &Path,
+    decoded: &DecodeSettings,
+    options: &TrackSettings,
+    digest: impl Fn(&Path) -> Result<String, E>,
+) -> Result<[(&'static str, Json); 4], E> {
+    let mask = options.mask.as_deref().map(&digest).transpose()?;
+    Ok([
+        ("clip", json!(digest(path)?)),
+        ("decode", json!(decoded)),
+        ("mask", json!(mask)),
+        ("points", json!(options.points)),
+    ])
+}
+
+/// Whether the tracks of a clip are there; no file is read whose digest is not known.
+pub(super) fn are_kept(
+    cache: &Cache,
+    build: &str,
+    path: &Path,
+    decoded: &DecodeSettings,
+    options: &TrackSettings,
+) -> bool {
+    let options = TrackSettings { mask: options.mask.as_deref().map(unescaped), ..options.clone() };
+    let Ok(parts) = key_parts(path, decoded, &options, |path| cache.known_digest_of(path).ok_or(())) else {
+        return false;
+    };
+    let key = Key::new(TRACKS.stage, TRACKS.version, parts.into_iter().chain([("build", build.into())]));
+    cache.has(&key)
 }
 
 /// The tracks of a clip from the cache.

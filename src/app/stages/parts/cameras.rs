@@ -8,6 +8,7 @@ use super::{Chunks, PartName, inexact, joined_tracks, made_before, read_motion};
 use crate::stages::MotionSettings;
 use crate::stages::prelude::*;
 use crate::stages::video_track::focal_px_of;
+use plumbline_video::motion::sfm::Windows;
 use plumbline_video::motion::{ClipCameras, ClipMotion, MotionFileError, WindowCameras};
 use plumbline_video::stabilize::CameraRecovery;
 
@@ -16,6 +17,7 @@ use plumbline_video::stabilize::CameraRecovery;
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct CamerasPartSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// The chunks of the clip
     pub(crate) chunks: Chunks,
@@ -28,6 +30,17 @@ pub(crate) struct CamerasPartSettings {
 }
 
 impl CamerasPartSettings {
+    /// Frames that are solved, of a clip of one shot.
+    pub(crate) fn expected_frames(&self) -> usize {
+        let first = Windows::default().length.min(self.chunks.frames);
+        let frames = self.chunks.range(self.chunk);
+        match (self.leading, self.chunk) {
+            (true, 0) => first,
+            (true, _) => 0,
+            (false, _) => frames.end - frames.start.max(first).min(frames.end),
+        }
+    }
+
     fn written(&self) -> PartName {
         if self.leading { PartName::Leading(self.chunk) } else { PartName::Cameras(self.chunk) }
     }

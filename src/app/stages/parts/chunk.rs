@@ -7,9 +7,11 @@ use crate::stages::clip::chain::Chain;
 use crate::stages::clip::encoding::Stream;
 use crate::stages::clip::sampling::Sampler;
 use crate::stages::clip::sink::Sink;
+use crate::stages::files::write_whole;
 use crate::stages::prelude::*;
 use crate::stages::{Border, EncodeSettings, RenderSettings, WarpSettings};
 use plumbline_media::{FrameSpan, Output};
+use plumbline_num::files::IfExists;
 use plumbline_video::motion::ClipMotion;
 use plumbline_video::path::VirtualPath;
 use plumbline_video::stabilize::{FrameMaps, FrameModels, PlanFile, RenderInputs, Tracks};
@@ -19,6 +21,7 @@ use plumbline_video::stabilize::{FrameMaps, FrameModels, PlanFile, RenderInputs,
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct ChunkSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// The chunks of the clip
     pub(crate) chunks: Chunks,
@@ -71,6 +74,10 @@ impl Stage for ChunkSettings {
             crate::stages::clip::summary::report_file(context.summary, &part, size, written);
         }
         context.report_damage(&read);
+        if read.shortfall().is_some() {
+            // The task of the whole clip reads no frame.
+            write_whole(&PartName::CutShort.in_folder(&self.folder), "", IfExists::Replace)?;
+        }
         Ok(HandedOn)
     }
 

@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{PartName, made_before};
 use crate::pipeline::batch::Instance;
+use crate::pipeline::estimate::WorkSize;
 use crate::pipeline::job::{ArtifactStore, Job, Probed, StageRunner};
+use crate::pipeline::memory::ClipShape;
 use crate::pipeline::paths::to_path;
 use crate::pipeline::plan::Pass;
 use crate::pipeline::run_error::RunError;
@@ -34,6 +36,10 @@ pub(crate) struct PartJoiner<'a> {
 impl StageRunner for PartJoiner<'_> {
     fn probe(&self, input: &Path, playlists: bool) -> Result<Probed, RunError> {
         BuiltinStages.probe(input, playlists)
+    }
+
+    fn work_size(&self, instance: &Instance, clip: Option<&ClipShape>) -> WorkSize {
+        BuiltinStages.work_size(instance, clip)
     }
 
     fn preflight(&self, instance: &Instance) -> Result<(), RunError> {
@@ -91,6 +97,10 @@ impl PartJoiner<'_> {
             sinks.iter_mut().try_for_each(|sink| sink.append(&path, span))?;
             done += span.frames.len() as u64;
             context.job.progress.frames(done);
+        }
+        if PartName::CutShort.in_folder(self.folder).exists() {
+            context.summary.cut_short = true;
+            context.warn(format!("the file is cut short after {done} frames"));
         }
         Ok(sinks)
     }

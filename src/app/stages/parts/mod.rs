@@ -74,6 +74,8 @@ pub(crate) enum PartName {
     Chunk(usize),
     /// The motion file that the pipeline asks for.
     Export,
+    /// The clip is cut short, as the task of its last chunk found: empty.
+    CutShort,
 }
 
 impl PartName {
@@ -89,6 +91,7 @@ impl PartName {
             Self::Plan => "plan.json".to_owned(),
             Self::Chunk(chunk) => format!("{chunk:05}.part"),
             Self::Export => "export.json".to_owned(),
+            Self::CutShort => "cut-short".to_owned(),
         };
         to_path(folder).join(name)
     }

@@ -13,6 +13,7 @@ use plumbline_video::track::AnalysisWindows;
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct MotionPartSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// Chunks that tracks are written for
     pub(crate) chunks: Chunks,

@@ -14,6 +14,7 @@ use plumbline_video::stabilize::{PlanFile, PlanSummary, RenderInputs, Tracks, se
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct KnownTracksSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// The chunks of the clip
     pub(crate) chunks: Chunks,
@@ -52,6 +53,7 @@ impl Stage for KnownTracksSettings {
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct PlanSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// How frames are warped
     pub(crate) warp: WarpSettings,

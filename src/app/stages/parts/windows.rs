@@ -16,6 +16,7 @@ use plumbline_video::track::AnalysisWindows;
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct WindowsSettings {
     /// The folder of parts
+    #[schemars(extend("format" = "path"))]
     pub(crate) folder: String,
     /// Indices of the windows
     #[serde(deserialize_with = "countable")]

@@ -119,7 +119,7 @@ class Run:
     def give_out(self, client, name, workers=None):
         task, args = self.tasks[name], self.args
         command = [args.program, "task", "run", "--plan", args.remote_plan or args.plan, "--root", args.root, "--task", name,
-                   "--progress", "none"]
+                   "--progress", "none", *(word for rule in args.path_map for word in ("--path-map", rule))]
         self.number += 1
         resources = {"cpus": task["resources"]["cpus"]} if args.resources else None
         future = client.submit(run_task, command, task["timeout_s"], key=f"{task['key']}-{self.number}", workers=workers,
@@ -261,6 +261,8 @@ def main():
     parser.add_argument("--scheduler", required=True, help="tls://HOST:PORT, or tcp:// on this machine")
     parser.add_argument("--root", required=True, help="the shared folder that the plan's paths start from, on the workers")
     parser.add_argument("--remote-plan", help="the plan's path on the workers, if it is another there")
+    parser.add_argument("--path-map", action="append", default=[], metavar="FROM=TO",
+                        help="a folder outside the root that the workers have elsewhere; may be repeated")
     parser.add_argument("--program", default="plumbline", help="the program on the workers")
     parser.add_argument("--tls-ca", help="certificates of authorities (PEM)")
     parser.add_argument("--tls-cert", help="own certificate (PEM)")
