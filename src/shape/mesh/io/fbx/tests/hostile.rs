@@ -43,7 +43,7 @@ fn a_file_that_is_cut_short_anywhere_is_refused_or_read_without_a_panic() {
 fn changed_bytes_never_make_the_reader_panic() {
     let examples = [PLAIN, Form { version: 7700, pack: Some(writer::stored) }].map(|form| character().bytes(form));
     let mut random = fastrand::Rng::with_seed(5);
-    for round in 0..5_000 {
+    for round in 0..2_000 {
         let mut bytes = examples[round % 2].clone();
         for _ in 0..random.usize(1..4) {
             let at = random.usize(0..bytes.len());
@@ -175,5 +175,5 @@ fn faults_name_the_object_and_the_value() {
         let model = scene.model("far", 0, vec![p("Lcl Translation", &[1e10, 0.0, 0.0])]);
         scene.mesh(model, &TRIANGLE, &[&[0, 1, 2]], Vec::new());
     });
-    assert!(far.contains("not finite"), "{far}");
+    assert!(far.contains("too large for a number"), "{far}");
 }
