@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How long 10,000 photos and a clip of two hours take on 1 to 1,000 workers, from measured task times, and what bounds it.
 
-    benches/makespan.py [--photo-s 1.06] [--track-s .016] [--cameras-s .017] [--plan-s .002] [--render-s .095] [--bandwidth-mb 1100]
+    benches/makespan.py [--photo-s 1.06] [--track-s .016] [--cameras-s .017] [--plan-s .006] [--render-s .095] [--bandwidth-mb 1100]
 
 A worker does one task at a time on one thread; each task goes to the worker that is free first, in the order of the plan, behind the
 tasks that it waits for. Reading and writing share one storage: no run is shorter than its bytes over the bandwidth. The defaults were
@@ -40,10 +40,10 @@ def main():
     option("--photo-s", 1.06, "seconds of a photo of 10 megapixels given a new shape")
     option("--photo-mb", 5.0, "megabytes of a photo, read and written")
     option("--track-s", 0.016, "seconds per frame for its tracks")
-    option("--motion-s", 0.001, "seconds per frame for the motion in the picture, which is one task")
+    option("--motion-s", 0.003, "seconds per frame for the motion in the picture, which is one task")
     option("--leading-s", 6.6, "seconds for the first window of a shot, which shows the focal length to the others; 0 without cameras")
     option("--cameras-s", 0.017, "seconds per frame for cameras in space; 0 without them")
-    option("--plan-s", 0.002, "seconds per frame in the plan, which is one task")
+    option("--plan-s", 0.006, "seconds per frame in the plan, which is one task")
     option("--render-s", 0.095, "seconds per frame to render and encode")
     option("--task-s", 0.2, "seconds of a task before its first frame")
     option("--frames", 2 * 3600 * 30, "frames of the clip")

@@ -215,9 +215,9 @@ fn a_long_clip_is_cut_into_whole_windows_and_equal_chunks() {
     let chunks = &whole.parts.as_ref().expect("parts").chunks;
     assert_eq!(chunks.iter().map(|c| c.frames.clone()).collect::<Vec<_>>(), [0..375, 375..750, 750..1125, 1125..1500]);
     assert!(chunks.windows(2).all(|pair| pair[0].end == Some(pair[1].start)) && chunks[3].end.is_none());
-    assert_eq!(whole.after, named[4..]);
+    assert_eq!(whole.after, named[5..]);
     assert!(
-        plan.tasks[..8]
+        plan.tasks[..9]
             .iter()
             .all(|task| task.part_of.as_deref() == Some(whole.id.as_str()) && task.instance().is_ok())
     );
