@@ -47,7 +47,9 @@ fn a_batch_killed_at_random_moments_gives_each_result_once_and_leaves_nothing() 
         make(&whole.join("in"), &format!("{clip:02}.mkv"), &format!("{source} -c:v ffv1 -pix_fmt yuv420p"));
     }
     let (killed, temporary) = (workshop.path().join("killed"), workshop.path().join("tmp"));
-    [&killed, &temporary].iter().for_each(|folder| std::fs::create_dir(folder).expect("a folder"));
+    for folder in [&killed, &temporary] {
+        std::fs::create_dir(folder).expect("a folder");
+    }
     for (name, bytes) in contents(&whole) {
         std::fs::create_dir_all(killed.join("in")).expect("a folder");
         std::fs::write(killed.join(name), bytes).expect("written");
