@@ -96,7 +96,7 @@ fn tracks_in_the_cache_make_a_clip_cheaper_and_parts_wait_for_one_another() {
     job("a.mp4");
     assert!(with_cache(&["plan", "job.toml"]).contains("1 task: 1 to run\n"));
     // Notes of a file that was changed just now would not show the next change.
-    std::thread::sleep(std::time::Duration::from_millis(2100));
+    std::thread::park_timeout(std::time::Duration::from_millis(2100));
     with_cache(&["run", "job.toml", "--existing", "skip"]);
     assert!(with_cache(&["plan", "job.toml"]).contains("1 task: 1 done\n"));
     job("b.mp4");

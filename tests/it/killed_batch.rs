@@ -47,7 +47,9 @@ fn a_batch_killed_at_random_moments_gives_each_result_once_and_leaves_nothing() 
         make(&whole.join("in"), &format!("{clip:02}.mkv"), &format!("{source} -c:v ffv1 -pix_fmt yuv420p"));
     }
     let (killed, temporary) = (workshop.path().join("killed"), workshop.path().join("tmp"));
-    [&killed, &temporary].iter().for_each(|folder| std::fs::create_dir(folder).expect("a folder"));
+    for folder in [&killed, &temporary] {
+        std::fs::create_dir(folder).expect("a folder");
+    }
     for (name, bytes) in contents(&whole) {
         std::fs::create_dir_all(killed.join("in")).expect("a folder");
         std::fs::write(killed.join(name), bytes).expect("written");
@@ -68,7 +70,7 @@ fn a_batch_killed_at_random_moments_gives_each_result_once_and_leaves_nothing() 
         if run <= kills {
             // A run begins with what is left, so that the kills are spread over the whole of the batch.
             let delay = time.mul_f64(3.0 * random.f64() / f64::from(kills as u32 + 1));
-            std::thread::sleep(delay.max(Duration::from_millis(1)));
+            std::thread::park_timeout(delay.max(Duration::from_millis(1)));
             signal(&child, "KILL");
         }
         let status = child.wait().expect("it ends");
@@ -83,7 +85,7 @@ fn a_batch_killed_at_random_moments_gives_each_result_once_and_leaves_nothing() 
         for (name, bytes) in results(&killed).iter().filter(|(name, _)| !name.contains(".partial-")) {
             assert!(expected.get(name) == Some(bytes), "run {run}: {name} is not whole");
         }
-        println!("run {run}: {} of {count} done after {:?}", done.len(), began.elapsed());
+        eprintln!("run {run}: {} of {count} done after {:?}", done.len(), began.elapsed());
     }
     assert!(results(&killed) == expected, "left: {:?}", results(&killed).keys());
     let left = contents(&temporary);

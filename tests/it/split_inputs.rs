@@ -96,7 +96,7 @@ fn a_clip_that_was_cut_off_gives_what_it_has_or_a_clear_error() {
             let whole = at_once(folder, &clip);
             let (count, parts) = in_parts(folder, &clip);
             let what = format!("{name} {percent} %, {count} tasks: {:?} and {:?}", whole.status, parts.status);
-            println!("{what}: {}", err(&parts));
+            eprintln!("{what}: {}", err(&parts));
             if folder.join("parts.mkv").exists() {
                 assert_eq!(whole.status.code(), parts.status.code(), "{what}: {}", err(&parts));
                 assert_same(folder);
