@@ -32,7 +32,7 @@ fn far_apart(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
 
 /// Axes and unit of the file from ours: z up, the front toward -y, centimeters.
 fn file_from_ours() -> Matrix4<f64> {
-    (100.0 * Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0)).to_homogeneous()
+    (Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0) * 100.0).to_homogeneous()
 }
 
 /// A transform in the axes and unit of the file.
