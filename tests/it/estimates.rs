@@ -103,6 +103,6 @@ fn tracks_in_the_cache_make_a_clip_cheaper_and_parts_wait_for_one_another() {
     let text = with_cache(&["plan", "job.toml"]);
     assert!(text.contains("run; tracks cached\n") && text.contains("1 task: 1 to run from the cache\n"), "{text}");
     let text = plan(folder, &["--split", "1", "-v"]);
-    assert!(text.contains("6 tasks: 1 to run, 5 waiting\n"), "{text}");
+    assert!(text.contains("7 tasks: 1 to run, 6 waiting\n"), "{text}");
     assert!(text.contains("blocked: waits for stabilize.tracks-0\n"), "{text}");
 }

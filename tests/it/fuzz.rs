@@ -190,7 +190,7 @@ fn no_file_of_cameras_or_of_importance_makes_its_reader_panic() {
     let figures = serde_json::to_string(&plumbline::video::motion::sfm::SfmFigures::default()).expect("plain data");
     let shot = format!(r#"{{"frames":[0,2],"verdict":"3d","reason":"seen","figures":{figures}}}"#);
     let cameras = format!(
-        r#"{{"format":"plumbline.cameras","version":1,"cameras":[{camera},null],"points":[{point}],"reconstruction":[{shot}]}}"#
+        r#"{{"format":"plumbline.cameras","version":1,"found":{{"cameras":[{camera},null],"points":[{point}],"reconstruction":[{shot}]}}}}"#
     );
     plumbline::video::motion::ClipCameras::from_json(&cameras).expect("a file of cameras");
     let mut importance = plumbline::photo::temporal::ClipImportance::new((64, 48));

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use nalgebra::Matrix4;
+use nalgebra::{Matrix4, RowVector4};
 
 use super::document::{Document, Kind};
 use crate::mesh::MeshError;
@@ -88,7 +88,10 @@ pub(super) fn read(
         read.bind = bind;
         read.skin.inverse_binds.iter_mut().for_each(|matrix| *matrix *= back);
     }
-    if let Some(k) = read.skin.inverse_binds.iter().position(|m| !m.iter().all(|x| x.is_finite())) {
+    // Products of inverses miss the last row by rounding.
+    read.skin.inverse_binds.iter_mut().for_each(|matrix| matrix.set_row(3, &RowVector4::new(0.0, 0.0, 0.0, 1.0)));
+    // Formats that are written have single precision.
+    if let Some(k) = read.skin.inverse_binds.iter().position(|m| !m.iter().all(|x| (*x as f32).is_finite())) {
         return Err(document.fault(skin, format!("the bind matrix of its joint {k} is too large for a number")));
     }
     read.entries.sort_by_key(|&(vertex, joint, _)| (vertex, joint));
