@@ -58,7 +58,7 @@ fn keys(channel: &Channel) -> [Vec<Key>; 3] {
             Property::Scale => trs.scale = Vector3::from_column_slice(value),
             _ => {
                 trs.rotation =
-                    UnitQuaternion::from_quaternion(Quaternion::from(Vector3::from_column_slice(value).push(value[3])))
+                    UnitQuaternion::from_quaternion(Quaternion::from(Vector3::from_column_slice(value).push(value[3])));
             }
         }
         let trs = Trs::from_matrix(&in_file(&trs.matrix()));

@@ -224,7 +224,8 @@ fn node_channels(
     for (property, k) in [(Property::Translation, 0), (Property::Scale, 2)] {
         let swings = k == 0 && pivots && is_moved[1];
         let all = k == 0 && pivots;
-        if !is_moved[k] && !(all && is_moved.contains(&true)) {
+        let is_kept = is_moved[k] || all && is_moved.contains(&true);
+        if !is_kept {
             continue;
         }
         let curves = || of_property.iter().enumerate().filter(|&(j, _)| j == k || all).flat_map(|(_, c)| c.present());

@@ -289,7 +289,7 @@ mod tests {
     fn weights_move_the_inner_points_along_the_tangents() {
         // Points (0, 0), (0.6, 1.2), (0.9, 0.9), (1, 1).
         let flags = CUBIC | USER | WEIGHTED_RIGHT | WEIGHTED_NEXT_LEFT;
-        let read = curve(&[(0.0, 0.0, flags, [2.0, 1.0], 6000 | 1000 << 16), (1.0, 1.0, flags, [0.0; 2], 0)]);
+        let read = curve(&[(0.0, 0.0, flags, [2.0, 1.0], 6000 + (1000 << 16)), (1.0, 1.0, flags, [0.0; 2], 0)]);
         for u in (0..=10).map(|k| 0.1 * f64::from(k)) {
             let [t, v] = [bezier([0.0, 0.6, 0.9, 1.0], u), bezier([0.0, 1.2, 0.9, 1.0], u)];
             assert!((read.at(t, Side::After) - v).abs() < 1e-6, "{u}");

@@ -26,13 +26,16 @@ const MAX_SWING: f64 = 90.0;
 /// Maximum number of parts of an interval for that reason.
 const MAX_PARTS: f64 = 4096.0;
 
+/// Interpolation of two values.
+pub(super) type Between<'a, const N: usize> = dyn Fn(&[f64; N], &[f64; N], f64) -> [f64; N] + 'a;
+
 /// A value over time.
 pub(super) struct Source<'a, const N: usize> {
     /// Times of the keys of the file: ascending, at least one.
     pub(super) keys: &'a [f64],
     pub(super) at: &'a dyn Fn(f64, Side) -> [f64; N],
     /// Interpolation of the clip, and the difference of two values.
-    pub(super) between: &'a dyn Fn(&[f64; N], &[f64; N], f64) -> [f64; N],
+    pub(super) between: &'a Between<'a, N>,
     pub(super) difference: &'a dyn Fn(&[f64; N], &[f64; N]) -> f64,
     pub(super) tolerance: f64,
     /// Degrees of rotation in an interval.

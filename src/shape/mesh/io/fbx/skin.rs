@@ -66,13 +66,11 @@ pub(super) fn read(
         let number = *number_of.entry(node).or_insert(read.skin.joints.len() as u32);
         if number as usize == read.skin.joints.len() {
             let world_from_joint = document.matrix(record, "TransformLink")?.unwrap_or_else(|| world(joint));
-            let joint_from_mesh = match document.matrix(record, "Transform")? {
-                Some(matrix) => matrix,
-                None => {
-                    let inverse = world_from_joint.try_inverse();
-                    let flat = || document.fault(cluster, "the matrix TransformLink of its joint has no inverse");
-                    inverse.ok_or_else(flat)? * world(model)
-                }
+            let joint_from_mesh = if let Some(matrix) = document.matrix(record, "Transform")? {
+                matrix
+            } else {
+                let flat = || document.fault(cluster, "the matrix TransformLink of its joint has no inverse");
+                world_from_joint.try_inverse().ok_or_else(flat)? * world(model)
             };
             bind = bind.or_else(|| Some(world_from_joint * joint_from_mesh).filter(invertible));
             read.skin.joints.push(node);
@@ -151,7 +149,9 @@ impl MeshSkin {
             }
             let sum: f64 = row.iter().map(|(_, w)| w).sum();
             if sum > 0.0 && sum.is_finite() {
-                row.iter_mut().for_each(|(_, w)| *w /= sum);
+                for (_, weight) in &mut row {
+                    *weight /= sum;
+                }
             } else {
                 row.clear();
             }

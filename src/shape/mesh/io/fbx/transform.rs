@@ -208,13 +208,12 @@ pub(super) fn place(parts: &NodeParts, parent: &Inherited) -> Placed {
         // Scales of the parent that the node inherits: below its rotation, or not at all.
         let back = of_parent.map(|s| if s == 0.0 { 0.0 } else { 1.0 / s });
         let below = stretch * Matrix3::from_diagonal(&back);
-        match (uniform(&stretch), uniform(&below)) {
-            (Some(above), Some(below)) => scale = if above == 0.0 { 1.0 } else { below / above },
-            _ => {
-                approximate = true;
-                let own = frame.rotation.to_rotation_matrix().matrix() * below * Matrix3::from_diagonal(&frame.scale);
-                matrix = stretch.try_inverse().map(|inverse| inverse * own);
-            }
+        if let (Some(above), Some(below)) = (uniform(&stretch), uniform(&below)) {
+            scale = if above == 0.0 { 1.0 } else { below / above };
+        } else {
+            approximate = true;
+            let own = frame.rotation.to_rotation_matrix().matrix() * below * Matrix3::from_diagonal(&frame.scale);
+            matrix = stretch.try_inverse().map(|inverse| inverse * own);
         }
     }
     frame.scale *= scale;

@@ -96,10 +96,10 @@ fn value(form: Form, value: &Value, bytes: &mut Vec<u8>) {
             single(b'S', (text.len() as u32).to_le_bytes(), bytes);
             bytes.extend(text);
         }
-        Value::Ints(all) => array(form, b'i', all.iter().map(|x| x.to_le_bytes()).collect(), bytes),
-        Value::Longs(all) => array(form, b'l', all.iter().map(|x| x.to_le_bytes()).collect(), bytes),
-        Value::Floats(all) => array(form, b'f', all.iter().map(|x| x.to_le_bytes()).collect(), bytes),
-        Value::Doubles(all) => array(form, b'd', all.iter().map(|x| x.to_le_bytes()).collect(), bytes),
+        Value::Ints(all) => array(form, b'i', all.iter().map(|x| x.to_le_bytes()), bytes),
+        Value::Longs(all) => array(form, b'l', all.iter().map(|x| x.to_le_bytes()), bytes),
+        Value::Floats(all) => array(form, b'f', all.iter().map(|x| x.to_le_bytes()), bytes),
+        Value::Doubles(all) => array(form, b'd', all.iter().map(|x| x.to_le_bytes()), bytes),
     }
 }
 
@@ -108,7 +108,8 @@ fn single<const N: usize>(kind: u8, number: [u8; N], bytes: &mut Vec<u8>) {
     bytes.extend(number);
 }
 
-fn array<const N: usize>(form: Form, kind: u8, elements: Vec<[u8; N]>, bytes: &mut Vec<u8>) {
+fn array<const N: usize>(form: Form, kind: u8, elements: impl Iterator<Item = [u8; N]>, bytes: &mut Vec<u8>) {
+    let elements: Vec<[u8; N]> = elements.collect();
     let plain = elements.as_flattened();
     let packed = form.pack.map_or_else(|| plain.to_vec(), |pack| pack(plain));
     single(kind, (elements.len() as u32).to_le_bytes(), bytes);
