@@ -208,16 +208,18 @@ fn split_plan() -> TaskPlan {
 fn a_long_clip_is_cut_into_whole_windows_and_equal_chunks() {
     let plan = split_plan();
     let ids: Vec<&str> = plan.tasks.iter().map(|task| task.id.as_str()).collect();
-    let parts = ["tracks-0", "tracks-1", "tracks-2", "motion", "plan", "render-0", "render-1", "render-2", "render-3"];
+    let round = |name: &str| (0..4).map(|k| format!("{name}-{k}")).collect::<Vec<_>>();
+    let first = ["tracks-0", "tracks-1", "tracks-2", "motion"].map(str::to_owned).to_vec();
+    let parts = [first, round("leading"), round("cameras"), vec!["plan".to_owned()], round("render")].concat();
     let (whole, named) = ids.split_last().expect("tasks");
-    assert_eq!(named, parts.map(|part| format!("{whole}.{part}")));
+    assert_eq!(named, parts.iter().map(|part| format!("{whole}.{part}")).collect::<Vec<_>>());
     let whole = plan.task(whole).expect("there");
     let chunks = &whole.parts.as_ref().expect("parts").chunks;
     assert_eq!(chunks.iter().map(|c| c.frames.clone()).collect::<Vec<_>>(), [0..375, 375..750, 750..1125, 1125..1500]);
     assert!(chunks.windows(2).all(|pair| pair[0].end == Some(pair[1].start)) && chunks[3].end.is_none());
-    assert_eq!(whole.after, named[5..]);
+    assert_eq!(whole.after, named[13..]);
     assert!(
-        plan.tasks[..9]
+        plan.tasks[..17]
             .iter()
             .all(|task| task.part_of.as_deref() == Some(whole.id.as_str()) && task.instance().is_ok())
     );
