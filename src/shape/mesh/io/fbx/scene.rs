@@ -12,7 +12,7 @@ use super::geometry::{self, LeftOut, Placement};
 use super::shapes;
 use super::skin::{self, Joints};
 use super::transform::{Coordinates, Inherited, NodeParts, place};
-use crate::mesh::model::articulation::{Articulation, Instance, Node, cycle};
+use crate::mesh::model::articulation::{Articulation, Instance, Node, NodeTransform, cycle};
 use crate::mesh::model::{all_finite, articulated};
 use crate::mesh::{Group, Material, MeshError, ModelBuilder, NO_VALUE};
 
@@ -100,7 +100,23 @@ pub(super) fn read(document: &Document<'_, '_>) -> Result<ModelBuilder, MeshErro
         (read.layers, "animation layers after the first are left out (properties)"),
         (read.coarse, "animation channels are sampled more coarsely than usual: the file is small for them"),
     ]);
+    if let Some(node) = too_large(&scene.articulation) {
+        return Err(document.fault(models[node], "its transform or its animation is too large for a number"));
+    }
     scene.finish()
+}
+
+/// The first node of a number that is not finite in single precision, which is that of the formats that are written.
+fn too_large(articulation: &Articulation) -> Option<usize> {
+    let fits = |numbers: &[f64]| numbers.iter().all(|x| (*x as f32).is_finite());
+    let fits_transform = |transform: &NodeTransform| match transform {
+        NodeTransform::Trs { translation, rotation, scale } => fits(translation) && fits(rotation) && fits(scale),
+        NodeTransform::Matrix(matrix) => fits(matrix.as_slice()),
+    };
+    let resting = articulation.nodes.iter().position(|node| !fits_transform(&node.transform));
+    let channels = articulation.animations.iter().flat_map(|animation| &animation.channels);
+    let mut moving = channels.filter(|channel| !(fits(&channel.times) && fits(&channel.values)));
+    resting.or_else(|| moving.next().map(|channel| channel.node as usize))
 }
 
 /// The nodes with their parents.
