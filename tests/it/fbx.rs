@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3};
 use plumbline::num::math::Trs;
-use plumbline::num::run::Run;
+use plumbline::shape::mesh::Model;
 use plumbline::shape::mesh::model::articulation::{Articulation, Channel, Property};
-use plumbline::shape::mesh::{Model, ReadLimits, read_model};
 
+use crate::support::models::{far_apart, humanoid, model};
 use crate::support::program::{err, out, plumbline_in, succeed};
 use writer::{Form, Key, Scene, linear, p, whole};
 
@@ -16,19 +16,6 @@ use writer::{Form, Key, Scene, linear, p, whole};
 pub(crate) mod writer;
 
 const FORM: Form = Form { version: 7500, pack: Some(writer::stored) };
-
-fn humanoid() -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("media/humanoid.glb").display().to_string()
-}
-
-fn model(path: &Path) -> Model {
-    read_model(path, &ReadLimits::default(), &Run::default()).expect("a mesh file")
-}
-
-fn far_apart(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(p, q)| nalgebra::distance(p, q)).fold(0.0, f64::max)
-}
 
 /// Axes and unit of the file from ours: z up, the front toward -y, centimeters.
 fn file_from_ours() -> Matrix4<f64> {

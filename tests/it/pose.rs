@@ -10,23 +10,11 @@ use plumbline::num::run::Run;
 use plumbline::shape::character::Extrapolation;
 use plumbline::shape::character::io::character_of;
 use plumbline::shape::character::skinning::{Skinner, SkinningMethod};
-use plumbline::shape::mesh::{Model, ReadLimits, read_model};
+use plumbline::shape::mesh::Model;
 
 use crate::support::missing::real_media;
+use crate::support::models::{far_apart, humanoid, model};
 use crate::support::program::{err, names, plumbline_in, succeed};
-
-fn humanoid() -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("media/humanoid.glb").display().to_string()
-}
-
-fn model(path: &Path) -> Model {
-    read_model(path, &ReadLimits::default(), &Run::default()).expect("a mesh file")
-}
-
-fn far_apart(a: &[Point3<f64>], b: &[Point3<f64>]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(p, q)| nalgebra::distance(p, q)).fold(0.0, f64::max)
-}
 
 const REACHING: &str = r#"{"format": "plumbline.pose", "version": 1,
     "joints": {"head": {"turn_deg": [0, 20, 0]}},

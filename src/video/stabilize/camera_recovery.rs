@@ -7,7 +7,7 @@ use super::error::StabilizeError;
 use super::options::CameraMotionOptions;
 use super::rolling_shutter::RollingShutter;
 use super::tracks::Tracks;
-use crate::motion::sfm::{SfmOptions, ShotWindows, TrackTable, Windows};
+use crate::motion::sfm::{SfmOptions, ShotWindows, TrackTable, Windows, unit_px};
 use crate::motion::{ClipCameras, ClipMotion, WindowCameras};
 use crate::track::TrackStore;
 use plumbline_num::math::Point2;
@@ -157,7 +157,7 @@ impl CameraRecovery {
         found.sort_by_key(|known| (known.frames.start, known.frames.end));
         let mut found = found.into_iter();
         let mut cameras = ClipCameras::default();
-        let unit_px = f64::from(self.size.0.max(self.size.1)) / 640.0;
+        let unit_px = unit_px(self.size.0, self.size.1);
         for shot in &self.shots {
             let mut segments = Vec::new();
             for window in shot.ranges() {

@@ -1,10 +1,9 @@
 //! The cameras of a clip in space, window by window.
 
-use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
-use super::{Chunks, PartName, inexact, joined_tracks, made_before, read_motion};
+use super::{Chunks, PartName, inexact, made_before, read_motion};
 use crate::stages::MotionSettings;
 use crate::stages::prelude::*;
 use crate::stages::video_track::focal_px_of;
@@ -68,7 +67,7 @@ impl Stage for CamerasPartSettings {
         let motion = read_motion(&PartName::Planar.in_folder(&self.folder))?;
         let recovery = CameraRecovery::new(&motion, &self.motion, focal_px);
         let starts = self.chunks.range(self.chunk);
-        let tracks = joined_tracks(&self.folder, self.chunks, &recovery.support(&starts), &motion)?;
+        let tracks = context.joined_tracks(&self.folder, self.chunks, &recovery.support(&starts), &motion)?;
         let run = context.job.run();
         let found = if self.leading {
             recovery.leading(&tracks, starts, &run)?
@@ -115,11 +114,5 @@ fn read_all(folder: &str, names: impl Iterator<Item = PartName>) -> Result<Vec<W
 }
 
 fn read(path: &Path) -> Result<Vec<WindowCameras>, RunError> {
-    let mut text = String::new();
-    let unreadable = |e: &dyn std::fmt::Display| RunError::Input(format!("{}: {e}", path.display()));
-    made_before(path)?.take(MAX_BYTES).read_to_string(&mut text).map_err(|e| unreadable(&e))?;
-    WindowCameras::from_json(&text).map_err(|e| unreadable(&e))
+    WindowCameras::read_json(made_before(path)?).map_err(|e| RunError::Input(format!("{}: {e}", path.display())))
 }
-
-/// Longest file of cameras that is read, bytes: of an hour at 60 frames/s, 1 kB per frame with its points.
-const MAX_BYTES: u64 = 1 << 28;

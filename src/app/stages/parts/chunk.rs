@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use super::{Chunks, PartName, joined_tracks, made_before, read_motion};
+use super::{Chunks, PartName, made_before, read_motion};
 use crate::stages::clip::chain::Chain;
 use crate::stages::clip::encoding::Stream;
 use crate::stages::clip::sampling::Sampler;
@@ -56,7 +56,7 @@ impl Stage for ChunkSettings {
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
         let decode = context.required(stage, "frames")?.from;
         let (_, reader) = context.open_span(decode, &self.span)?;
-        let plan = ChunkPlan::read(self)?;
+        let plan = ChunkPlan::read(self, context)?;
         let inputs = plan.inputs(self);
         let chain = Chain::of_steady(inputs);
         let frames = self.span.frames.clone();
@@ -95,7 +95,7 @@ struct ChunkPlan {
 }
 
 impl ChunkPlan {
-    fn read(settings: &ChunkSettings) -> Result<Self, RunError> {
+    fn read(settings: &ChunkSettings, context: &Context<'_, '_>) -> Result<Self, RunError> {
         let motion = read_motion(&PartName::Motion.in_folder(&settings.folder))?;
         let mut text = String::new();
         let plan = PartName::Plan.in_folder(&settings.folder);
@@ -105,7 +105,7 @@ impl ChunkPlan {
         let tracks = Tracks::of_parts(std::iter::empty::<Result<_, RunError>>(), &motion)?;
         let mut this = Self { motion, path, models, tracks };
         let support = FrameMaps::new(&this.inputs(settings), &this.models)?.support(settings.span.frames.clone())?;
-        this.tracks = joined_tracks(&settings.folder, settings.chunks, &support, &this.motion)?;
+        this.tracks = context.joined_tracks(&settings.folder, settings.chunks, &support, &this.motion)?;
         Ok(this)
     }
 

@@ -29,9 +29,10 @@ impl Chunks {
         Self { frames, count: count.min(frames).min(MAX_CHUNKS) }
     }
 
-    /// The frames of a chunk.
+    /// The frames of a chunk; none of one beyond the last, which a plan of another machine may name.
     pub(crate) fn range(self, chunk: usize) -> Range<usize> {
-        part(chunk, self.count, self.frames)..part(chunk + 1, self.count, self.frames)
+        let start = |chunk: usize| part(chunk.min(self.count), self.count, self.frames);
+        start(chunk)..start(chunk.saturating_add(1))
     }
 
     /// The frames of each chunk, in order.
@@ -54,7 +55,7 @@ impl Chunks {
 }
 
 /// Where part `from` of `of` equal ones begins in `total`.
-pub(crate) fn part(from: usize, of: usize, total: usize) -> usize {
+fn part(from: usize, of: usize, total: usize) -> usize {
     (from as u128 * total as u128 / of as u128) as usize
 }
 
@@ -93,6 +94,7 @@ mod tests {
                 assert_eq!(chunks.overlapping(&(0..range.end)), 0..chunk + 1);
                 assert_eq!(chunks.overlapping(&(range.start..frames + 9)), chunk..count);
             }
+            assert!(chunks.range(count).is_empty() && chunks.range(usize::MAX).is_empty());
             assert!(chunks.overlapping(&(frames..frames + 1)).is_empty() && chunks.overlapping(&(0..0)).is_empty());
         }
     }

@@ -118,12 +118,6 @@ fn read_tracks(path: &Path) -> Result<WindowTracks, RunError> {
     WindowTracks::read(made_before(path)?).map_err(damaged)
 }
 
-/// The tracks in `frames` of the clip of `motion`, and in all frames of chunks that have one of these.
-fn joined_tracks(folder: &str, chunks: Chunks, frames: &Range<usize>, motion: &ClipMotion) -> Result<Tracks, RunError> {
-    let parts = chunks.overlapping(frames).map(|chunk| read_tracks(&PartName::Tracks(chunk).in_folder(folder)));
-    Tracks::of_parts(parts, motion)
-}
-
 /// The motion of a file of another task.
 fn read_motion(path: &Path) -> Result<ClipMotion, RunError> {
     let (motion, _) = ClipMotion::read_json(made_before(path)?).map_err(|e| RunError::Input(e.to_string()))?;
@@ -145,6 +139,21 @@ fn inexact(what: &str) -> RunError {
 }
 
 impl Context<'_, '_> {
+    /// The tracks in `frames` of the clip of `motion`, and in all frames of chunks that have one of these.
+    fn joined_tracks(
+        &self,
+        folder: &str,
+        chunks: Chunks,
+        frames: &Range<usize>,
+        motion: &ClipMotion,
+    ) -> Result<Tracks, RunError> {
+        let part = |chunk| {
+            self.job.check_cancel()?;
+            read_tracks(&PartName::Tracks(chunk).in_folder(folder))
+        };
+        Tracks::of_parts(chunks.overlapping(frames).map(part), motion)
+    }
+
     /// Opens some frames of the clip of a `video.decode` stage.
     fn open_span(&mut self, decode: usize, span: &FrameSpan) -> Result<(Input, VideoReader), RunError> {
         let input = self.input(decode)?;

@@ -62,6 +62,7 @@ impl Stage for MotionPartSettings {
         }
         context.write_file(&PartName::Planar.in_folder(&self.folder), exact_text(&motion)?)?;
         for (chunk, frames) in self.chunks.ranges().enumerate() {
+            context.job.check_cancel()?;
             let part = tracks.part(frames)?;
             context.fill_file(&PartName::Tracks(chunk).in_folder(&self.folder), |out| part.write(out))?;
         }

@@ -1,7 +1,7 @@
 //! The plan of a clip from its tracks, its motion and its cameras, as other tasks found them.
 
 use super::cameras::joined_cameras;
-use super::{Chunks, PartName, exact_text, joined_tracks, read_motion};
+use super::{Chunks, PartName, exact_text, read_motion};
 use crate::stages::prelude::*;
 use crate::stages::video_track::{TrackSettings, hand_on_to_all};
 use crate::stages::{MotionSettings, WarpSettings};
@@ -38,7 +38,7 @@ impl Stage for KnownTracksSettings {
 
     fn run(&self, Wired { stage }: Wired, context: &mut Context<'_, '_>) -> Result<HandedOn, RunError> {
         let mut motion = read_motion(&PartName::Planar.in_folder(&self.folder))?;
-        let tracks = joined_tracks(&self.folder, self.chunks, &(0..motion.frames.len()), &motion)?;
+        let tracks = context.joined_tracks(&self.folder, self.chunks, &(0..motion.frames.len()), &motion)?;
         if let Some(settings) = &self.cameras {
             motion.cameras = Some(joined_cameras(&self.folder, self.chunks, &motion, settings)?);
         }

@@ -9,7 +9,7 @@
 //! `cameras[k]` is the pose of frame `k`, `x_in_camera = R(q) x + t` with `q = [w, x, y, z]`, in the coordinates and the unit
 //! of its shot, and the lens in px; `null` where no camera is known. Each block may be left out.
 
-use std::io::Write;
+use std::io::{Read, Seek, Write};
 
 use serde::{Deserialize, Serialize};
 
@@ -213,8 +213,21 @@ impl WindowCameras {
     /// # Errors
     /// [`MotionFileError`], as for [`ClipCameras::from_json`]; segments that do not follow each other, or do not cover their window.
     pub fn from_json(text: &str) -> Result<Vec<Self>, MotionFileError> {
-        let windows = WINDOWS.parse::<WindowsFile>(text)?.windows;
-        windows.into_iter().enumerate().map(|(k, entry)| entry.window(k)).collect()
+        WINDOWS.parse::<WindowsFile>(text)?.windows()
+    }
+
+    /// [`Self::from_json`] from a file, which is not held in memory.
+    ///
+    /// # Errors
+    /// As there; [`MotionFileError::Io`].
+    pub fn read_json(file: impl Read + Seek) -> Result<Vec<Self>, MotionFileError> {
+        WINDOWS.stream::<WindowsFile>(file)?.windows()
+    }
+}
+
+impl WindowsFile {
+    fn windows(self) -> Result<Vec<WindowCameras>, MotionFileError> {
+        self.windows.into_iter().enumerate().map(|(k, entry)| entry.window(k)).collect()
     }
 }
 
@@ -378,6 +391,8 @@ mod tests {
         let windows = windows();
         let text = WindowCameras::to_json(&windows).expect("finite");
         assert_eq!(WindowCameras::from_json(&text).expect("just written"), windows);
+        let file = std::io::Cursor::new(text);
+        assert_eq!(WindowCameras::read_json(file).expect("just written"), windows);
         assert_eq!(WindowCameras::from_json(&WindowCameras::to_json(&[]).expect("empty")).expect("empty"), []);
     }
 

@@ -58,6 +58,7 @@ pub use rotation_fit::{ConjugateRotation, conjugate_rotation, fit_conjugate_rota
 pub use scene::{Observation, Scene, ScenePoint};
 pub use segment::Segment;
 pub use three_point::{PointRay, three_point};
+pub(crate) use track_table::unit_px;
 pub use track_table::{Match, TrackTable};
 pub use triangulate::{Triangulated, View, triangulate};
 pub use two_view::{TwoView, TwoViewOptions, TwoViewScores, TwoViewVerdict, two_view};

@@ -35,6 +35,11 @@ pub struct Match {
     pub second: Point2,
 }
 
+/// [`TrackTable::unit_px`] of a picture of this size.
+pub(crate) fn unit_px(width: u32, height: u32) -> f64 {
+    f64::from(width.max(height)) / 640.0
+}
+
 impl TrackTable {
     /// From `(id, pixel)` of every frame in order; ids ascend within a frame. Tracks of fewer than three frames are left out.
     pub fn new<F>(width: u32, height: u32, frames: F) -> Self
@@ -110,7 +115,7 @@ impl TrackTable {
     /// Length of a px at 640 px across: the accuracy of tracks is relative to the picture they are tracked in, which
     /// has that size.
     pub fn unit_px(&self) -> f64 {
-        f64::from(self.width.max(self.height)) / 640.0
+        unit_px(self.width, self.height)
     }
 
     /// Cell of a position, row-major, in a grid of `columns` and `rows` over the picture; positions outside count to the
