@@ -50,4 +50,4 @@ pub use read_options::{Deinterlace, ReadOptions, ReadReport};
 pub use reader::VideoReader;
 pub use surface::FramePool;
 pub use write_options::{Codec, EncoderChoice, PassthroughStreams, WriteOptions, WriteReport};
-pub use writer::VideoWriter;
+pub use writer::{SealedVideo, VideoWriter};

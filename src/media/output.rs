@@ -185,6 +185,14 @@ impl Partial {
         }
     }
 
+    /// Where the unfinished file or folder is; standard output is nowhere.
+    pub(super) fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Stdout => None,
+            Self::File { partial, .. } | Self::Folder { partial, .. } => Some(partial.path()),
+        }
+    }
+
     /// Syncs the finished result to the disk and gives it its name.
     pub(super) fn publish(self) -> Result<(), MediaError> {
         match self {

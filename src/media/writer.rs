@@ -27,7 +27,7 @@ pub struct VideoWriter {
     encoder: Encoder,
     muxer: Option<Muxer>,
     copier: Option<Copier>,
-    partial: Option<Partial>,
+    partial: Partial,
     output: Output,
     surface: Surface,
     info: VideoInfo,
@@ -41,6 +41,29 @@ pub struct VideoWriter {
     /// Parts that were appended.
     seam: Seam,
     report: WriteReport,
+}
+
+/// A file that is whole and has no name yet; dropped without [`SealedVideo::publish`] it is removed.
+#[derive(Debug)]
+pub struct SealedVideo {
+    partial: Partial,
+    report: WriteReport,
+}
+
+impl SealedVideo {
+    /// Where the file is, or the folder with the files of a sequence; `None` for standard output.
+    pub fn path(&self) -> Option<&Path> {
+        self.partial.path()
+    }
+
+    /// Syncs the file to the disk and gives it its name.
+    ///
+    /// # Errors
+    /// [`MediaError::Output`] where the name was taken meanwhile and may not be replaced, or the system refuses.
+    pub fn publish(self) -> Result<WriteReport, MediaError> {
+        self.partial.publish()?;
+        Ok(self.report)
+    }
 }
 
 impl VideoWriter {
@@ -93,7 +116,7 @@ impl VideoWriter {
             encoder,
             muxer: Some(muxer),
             copier,
-            partial: Some(partial),
+            partial,
             output: output.clone(),
             surface,
             info: video.clone(),
@@ -139,7 +162,7 @@ impl VideoWriter {
             encoder,
             muxer: None,
             copier: None,
-            partial: Some(Partial::File { partial: unfinished, target: part.to_owned(), if_exists }),
+            partial: Partial::File { partial: unfinished, target: part.to_owned(), if_exists },
             output: output.clone(),
             surface,
             info: video.clone(),
@@ -225,7 +248,16 @@ impl VideoWriter {
     ///
     /// # Errors
     /// As [`VideoWriter::write`]; the unfinished file is removed.
-    pub fn finish(mut self) -> Result<WriteReport, MediaError> {
+    pub fn finish(self) -> Result<WriteReport, MediaError> {
+        self.seal()?.publish()
+    }
+
+    /// Writes what is left to the file, which has its name once it is [published](SealedVideo::publish): in between the caller may
+    /// note what is about to appear.
+    ///
+    /// # Errors
+    /// As [`VideoWriter::write`]; the unfinished file is removed.
+    pub fn seal(mut self) -> Result<SealedVideo, MediaError> {
         self.encoder.send(None).map_err(|e| self.encoding(e))?;
         self.drain()?;
         let fail = |e| MediaError::writing(self.output.path(), e);
@@ -242,10 +274,7 @@ impl VideoWriter {
             let ended = write_end(&mut part, self.report.frames).and_then(|()| part.flush());
             ended.map_err(|e| MediaError::writing_io(self.output.path(), &e))?;
         }
-        if let Some(partial) = self.partial.take() {
-            partial.publish()?;
-        }
-        Ok(std::mem::take(&mut self.report))
+        Ok(SealedVideo { partial: self.partial, report: self.report })
     }
 
     fn encoding(&self, error: av::AvError) -> MediaError {

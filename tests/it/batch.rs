@@ -49,7 +49,7 @@ impl StageRunner for Writer {
             for path in job.graph().stages[stage].settings.writes() {
                 assert!(job.overwrite || !Path::new(&path).exists(), "{path} would be replaced");
                 std::fs::write(&path, format!("of {key}")).expect("written");
-                job.publishing(Path::new(&path), Path::new(&path));
+                job.publishing(Path::new(&path), Path::new(&path))?;
                 summary.outputs.push(path.into());
             }
         }

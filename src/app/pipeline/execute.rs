@@ -202,6 +202,12 @@ struct Executor<'a> {
 /// How often a run with workers looks whether the user stopped it.
 const LOOK_FOR_STOP: Duration = Duration::from_millis(50);
 
+/// How long an item waits for those who write its results: several times what a worker takes to see that its run is gone, and to end.
+const WAIT_FOR_WRITERS: Duration = Duration::from_secs(10);
+
+/// How often it looks.
+const LOOK_FOR_WRITERS: Duration = Duration::from_millis(20);
+
 type ItemResult = Option<Result<Summary, RunError>>;
 
 impl Executor<'_> {
@@ -265,10 +271,24 @@ impl Executor<'_> {
         let Some(records) = self.records.as_ref().filter(|_| self.existing == Existing::Skip) else {
             return Ok(Some(self.existing == Existing::Overwrite));
         };
+        self.wait_for_writers(instance);
         let standing = records.standing(instance);
         match refusal(&standing, instance) {
             Some(message) => Err(RunError::Output(message)),
             None => Ok((standing != Standing::UpToDate).then_some(standing == Standing::Unfinished)),
+        }
+    }
+
+    /// Waits a while for others who write a result of this item: a worker of a run that was killed ends soon, and what stands on
+    /// record is settled only then.
+    fn wait_for_writers(&self, instance: &Instance) {
+        let until = Instant::now() + WAIT_FOR_WRITERS;
+        let outputs = instance.outputs();
+        while outputs.iter().any(|path| AtomicFile::is_being_written(path))
+            && Instant::now() < until
+            && !self.cancel.load(Ordering::Relaxed)
+        {
+            std::thread::park_timeout(LOOK_FOR_WRITERS);
         }
     }
 
@@ -320,6 +340,7 @@ impl Executor<'_> {
                 // The same fault is a warning at the end of the item.
                 tracing::debug!("{} is not on record: {error}", target.display());
             }
+            Ok(())
         };
         let mut summary = match worker.filter(|_| !uses_standard_streams(instance)) {
             Some(_) if self.cancel.load(Ordering::Relaxed) => Err(RunError::Interrupted),

@@ -46,8 +46,8 @@ pub struct Job<'a> {
     pub publishing: Option<&'a Publishing<'a>>,
 }
 
-/// Hears of a file that is whole, and of the name that it is about to get.
-pub type Publishing<'a> = dyn Fn(&Path, &Path) + Sync + 'a;
+/// Hears of a file that is whole, and of the name that it is about to get. Where it fails the file does not get the name.
+pub type Publishing<'a> = dyn Fn(&Path, &Path) -> Result<(), RunError> + Sync + 'a;
 
 /// What a run asks of each of its jobs.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,11 +102,13 @@ impl Job<'_> {
         ReadLimits { allow_paths: self.allow_paths.to_vec(), ..ReadLimits::default() }
     }
 
-    /// Call when `file` is whole and about to become `target`, or where that cannot be, just after.
-    pub fn publishing(&self, file: &Path, target: &Path) {
-        if let Some(publishing) = self.publishing {
-            publishing(file, target);
-        }
+    /// Call when `file` is whole and about to become `target`.
+    ///
+    /// # Errors
+    /// [`RunError::Interrupted`] where the run that keeps the records is gone: a result that no run knows of would be in the way of
+    /// the next one.
+    pub fn publishing(&self, file: &Path, target: &Path) -> Result<(), RunError> {
+        self.publishing.map_or(Ok(()), |publishing| publishing(file, target))
     }
 
     /// Call once per frame.

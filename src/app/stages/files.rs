@@ -65,7 +65,7 @@ impl Context<'_, '_> {
         self.job.check_cancel()?;
         let if_exists = self.job.if_exists();
         let unfinished = filled(path, if_exists, write)?;
-        self.job.publishing(unfinished.path(), path);
+        self.job.publishing(unfinished.path(), path)?;
         unfinished.publish(path, if_exists).map_err(|e| cannot(path, &e))?;
         self.summary.outputs.push(path.to_owned());
         Ok(())

@@ -62,7 +62,7 @@ impl Stage for ImageSaveSettings {
         })?;
         let saved = saved.map_err(|e| still_error(path, &e))?;
         context.job.check_cancel()?;
-        context.job.publishing(unfinished.path(), path);
+        context.job.publishing(unfinished.path(), path)?;
         unfinished.publish(path, if_exists).map_err(|e| cannot(path, &e))?;
         for warning in saved.warnings {
             context.warn(format!("{}: {warning}", path.display()));

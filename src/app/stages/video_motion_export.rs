@@ -146,7 +146,7 @@ impl Written {
 
     fn publish(self, job: &Job<'_>) -> Result<Vec<PathBuf>, RunError> {
         let first = self.files.first().map(|(_, path)| path.clone()).unwrap_or_default();
-        self.files.iter().for_each(|(unfinished, path)| job.publishing(unfinished.path(), path));
+        self.files.iter().try_for_each(|(unfinished, path)| job.publishing(unfinished.path(), path))?;
         publish_all(self.files, self.if_exists).map_err(|e| cannot(&first, &e))?;
         for path in self.stale {
             std::fs::remove_file(&path).map_err(|e| cannot(&path, &e))?;

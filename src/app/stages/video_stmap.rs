@@ -83,7 +83,7 @@ impl Stage for StMapSettings {
         })?;
         write_all(&mut waiting, &mut written, unfinished.path(), size)?;
         chain.check_length(input.name(), report.frames)?;
-        context.job.publishing(unfinished.path(), &folder);
+        context.job.publishing(unfinished.path(), &folder)?;
         unfinished.publish_into(&folder, context.job.if_exists()).map_err(|e| cannot(&folder, &e))?;
         context.summary.outputs.push(folder);
         Ok(HandedOn)

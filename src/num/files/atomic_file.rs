@@ -153,6 +153,11 @@ impl AtomicFile {
         sweep(folder_of(target), &Name::of(target));
     }
 
+    /// Whether another process is writing what is to become `target`. Leftovers of the same target are removed.
+    pub fn is_being_written(target: &Path) -> bool {
+        sweep(folder_of(target), &Name::of(target))
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path

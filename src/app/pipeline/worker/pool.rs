@@ -104,10 +104,12 @@ impl Worker<'_> {
             match process.reply() {
                 Some(Reply::Tick(tick)) => progress.event(&Event::TaskProgress { task, tick: &tick }),
                 Some(Reply::Publishing(Paths(paths))) => {
-                    if let [file, target] = paths.as_slice() {
-                        publishing(file, target);
-                    }
-                    let _ = process.send(RECORDED);
+                    let known = paths.as_chunks::<2>().0.iter().try_for_each(|[file, target]| publishing(file, target));
+                    // What no record can tell of does not get its name: the worker stops.
+                    let _ = match known {
+                        Ok(()) => process.send(RECORDED),
+                        Err(_) => Ok(drop(locked(&process.orders).take())),
+                    };
                 }
                 Some(Reply::Done(summary)) => return Ok(*summary),
                 Some(Reply::Failed(exit, message)) => return Err(RunError::of_message(exit, message)),

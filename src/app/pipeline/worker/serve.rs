@@ -3,7 +3,7 @@
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
 use super::{Order, RECORDED, Reply};
 use crate::pipeline::execute::do_work;
@@ -50,11 +50,10 @@ pub fn serve(
     let replies = Replies(Mutex::new(replies));
     let records = Mutex::new(records);
     let publishing = |file: &Path, target: &Path| {
-        // One at a time, so that each waits for its own answer; where nobody answers, the result says so.
-        let Ok(records) = records.lock() else { return };
-        if replies.send(&Reply::Publishing(Paths(vec![file.to_owned(), target.to_owned()]))).is_ok() {
-            let _ = records.recv();
-        }
+        // One at a time, so that each waits for its own answer.
+        let records = records.lock().unwrap_or_else(PoisonError::into_inner);
+        let asked = replies.send(&Reply::Publishing(Paths(vec![file.to_owned(), target.to_owned()])));
+        if asked.is_ok() && records.recv().is_ok() { Ok(()) } else { Err(RunError::Interrupted) }
     };
     for line in receiver {
         let reply = Reply::from(done(&line, backend, &replies, cancel, &publishing));
@@ -83,7 +82,7 @@ struct Replies<W>(Mutex<W>);
 
 impl<W: Write> Replies<W> {
     fn send(&self, reply: &Reply) -> std::io::Result<()> {
-        let mut out = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut out = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let line = serde_json::to_string(reply)?;
         writeln!(out, "{line}").and_then(|()| out.flush())
     }

@@ -136,9 +136,8 @@ pub(crate) fn sinks(
 /// Gives the files their names and reports them.
 pub(crate) fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunError> {
     for sink in sinks {
-        context.job.check_cancel()?;
-        let (output, size, written) = sink.finish()?;
-        context.job.publishing(output.path(), output.path());
+        let target = sink.output.path().to_owned();
+        let (output, size, written) = sink.finish(context.job, &target)?;
         report_file(context.summary, &output, size, written);
     }
     Ok(())

@@ -82,9 +82,18 @@ impl Sink {
         Ok(self)
     }
 
-    /// Finishes the file and gives it its name.
-    pub(crate) fn finish(self) -> Result<(Output, (usize, usize), WriteReport), RunError> {
-        Ok((self.output, self.size, self.writer.finish()?))
+    /// Finishes the file, has it put on record, and gives it the name `target`.
+    pub(crate) fn finish(
+        self,
+        job: &Job<'_>,
+        target: &Path,
+    ) -> Result<(Output, (usize, usize), WriteReport), RunError> {
+        job.check_cancel()?;
+        let sealed = self.writer.seal()?;
+        if let Some(unfinished) = sealed.path() {
+            job.publishing(unfinished, target)?;
+        }
+        Ok((self.output, self.size, sealed.publish()?))
     }
 }
 
