@@ -236,3 +236,20 @@ fn shapes_that_leave_the_box_of_both_poses_are_refused_by_name_and_rotations_are
     let refused = trajectory.check_extent(0.5, &middle).expect_err("burst").to_string();
     assert!(refused.contains("check of the bounding box") && refused.contains("landmarks"), "{refused}");
 }
+
+#[test]
+fn weights_of_slivers_are_bounded_and_others_are_cotangents() {
+    let triangle = |height: f64| {
+        TriMesh::new(vec![Point3::origin(), Point3::new(1.0, 0.0, 0.0), Point3::new(0.4, height, 0.0)], vec![[0, 1, 2]])
+            .unwrap()
+    };
+    let of = |height: f64| mean_weights(&triangle(height), &triangle(height))[0];
+    let exact = Cotangents::new(&triangle(0.3), CotangentRule::Raw);
+    assert_eq!(of(0.3), exact.half()[0]);
+    for height in [1e-2, 1e-6, 1e-12, 0.0] {
+        let [a, b, c] = of(height);
+        assert!([a, b, c].iter().all(|h| h.abs() <= 1.0 / (4.0 * MIN_AREA)), "{height}: {a} {b} {c}");
+        // Positive definite over the two edges from a corner.
+        assert!(a + b > 0.0 && a * b + b * c + c * a > 0.0, "{height}: {a} {b} {c}");
+    }
+}
