@@ -31,8 +31,8 @@ pub(crate) struct Pair {
     refined: bool,
     /// Both ends by the vertices of the file.
     ends: Option<[Vec<Point3<f64>>; 2]>,
-    /// Quality of the map of one to the other, where landmarks were needed.
-    pub(crate) quality: Option<MapQuality>,
+    /// Method and quality of the map of one to the other, where landmarks were needed.
+    pub(crate) quality: Option<(CorrespondenceMethod, MapQuality)>,
 }
 
 impl Pair {
@@ -98,13 +98,13 @@ impl Pair {
             (first, second) = (refined.first, refined.mapped);
             quality = measure(&first, &second, b, &pairs, &context.job.run())?;
         }
-        report_line(context, quality_line(&quality, pairs.len()));
-        if let Some(fault) = faults(&quality, first.triangle_count(), over) {
+        report_line(context, quality_line(&quality, laid.method, pairs.len()));
+        if let Some(fault) = faults(&quality, laid.method) {
             context.warn(fault);
         }
         let refined = tolerance.is_some();
         let model = if refined { Arc::new(Model::of_mesh(first.clone())) } else { model };
-        Ok(Self { model, first, second, solvable, refined, ends: None, quality: Some(quality) })
+        Ok(Self { model, first, second, solvable, refined, ends: None, quality: Some((laid.method, quality)) })
     }
 
     /// Shapes by the vertices that are written.
@@ -128,35 +128,40 @@ impl Pair {
     }
 }
 
-fn quality_line(quality: &MapQuality, landmarks: usize) -> String {
+fn quality_line(quality: &MapQuality, method: CorrespondenceMethod, landmarks: usize) -> String {
+    let method = name_of(method);
     format!(
-        "laid over the other by {landmarks} landmarks: stretch {:.2}, landmarks missed by {:.2} % at most, features by {:.2} %",
+        "laid over the other by {landmarks} landmarks ({method}): stretch {:.2}, landmarks missed by {:.2} % at most, features by {:.2} %",
         quality.stretch,
         100.0 * quality.landmark_error,
         100.0 * quality.missed_worst
     )
 }
 
-/// A warning of triangles that face away from what is under them, and of landmarks that did not meet.
-fn faults(quality: &MapQuality, all: usize, over: CorrespondenceMethod) -> Option<String> {
-    let folded = quality.flipped + quality.collapsed;
-    let folded = (folded > 0).then(|| match over {
-        CorrespondenceMethod::Registration => {
-            format!("{folded} of {all} triangles are folded where the first mesh covers the second")
-        }
-        CorrespondenceMethod::Sphere | CorrespondenceMethod::Disk => format!(
-            "{folded} of {all} triangles reach across parts of the second mesh that face away from them: no vertex is out of order, \
-             but the first mesh is too coarse there"
-        ),
-    });
-    let apart = (quality.landmark_error > 1e-9).then(|| "some landmarks did not reach their targets".to_owned());
-    let faults: Vec<String> = folded.into_iter().chain(apart).collect();
-    (!faults.is_empty()).then(|| faults.join("; "))
+/// A warning of the checks that the map fails.
+fn faults(quality: &MapQuality, method: CorrespondenceMethod) -> Option<String> {
+    let failed: Vec<String> = quality.failed_checks().iter().map(ToString::to_string).collect();
+    let remedy = match method {
+        CorrespondenceMethod::Registration => "more landmarks may help",
+        _ => "more landmarks, or more triangles of the first mesh, may help",
+    };
+    (!failed.is_empty()).then(|| format!("the first mesh covers the second badly: {}; {remedy}", failed.join(", ")))
 }
 
-/// The quality of a map as JSON.
-pub(crate) fn quality_json(quality: &MapQuality) -> Json {
+/// The name of a method in summaries.
+fn name_of(method: CorrespondenceMethod) -> &'static str {
+    match method {
+        CorrespondenceMethod::Auto => "auto",
+        CorrespondenceMethod::Registration => "registration",
+        CorrespondenceMethod::Sphere => "over the sphere",
+        CorrespondenceMethod::Disk => "over the disk",
+    }
+}
+
+/// The method and quality of a map as JSON.
+pub(crate) fn quality_json((method, quality): &(CorrespondenceMethod, MapQuality)) -> Json {
     json!({
+        "method": method,
         "flipped": quality.flipped,
         "collapsed": quality.collapsed,
         "stretch": quality.stretch,

@@ -13,14 +13,13 @@ mod sphere;
 mod tests;
 mod unfolding;
 
-use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 pub use disk::{disk_map, over_disks};
 #[cfg(feature = "schema")]
 pub use landmarks::landmarks_schema;
 pub use landmarks::{Landmarks, VertexRef};
-pub use quality::{MapQuality, measure};
+pub use quality::{MapQuality, QualityCheck, measure};
 pub(in crate::morph) use refinement::divided;
 pub use refinement::{Refined, refine};
 pub use registration::{RegistrationOptions, register};
@@ -37,8 +36,10 @@ use plumbline_num::spatial::numbered_components;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum CorrespondenceMethod {
-    /// Non-rigid registration: any topology; the map may have fold-overs
+    /// Registration; where its map fails a check, sphere or disk
     #[default]
+    Auto,
+    /// Non-rigid registration: any topology; the map may have fold-overs
     Registration,
     /// Over the sphere: closed surfaces of genus 0; bijective
     Sphere,
@@ -78,6 +79,8 @@ fn connected_surface(mesh: &TriMesh, refused: impl Fn(String) -> MorphError) -> 
 /// A map of the first mesh onto the second.
 #[derive(Clone, Debug)]
 pub struct Correspondence {
+    /// The method that found it, never [`CorrespondenceMethod::Auto`].
+    pub method: CorrespondenceMethod,
     /// The point of every vertex on the second mesh.
     pub points: Vec<SurfacePoint>,
     /// The first mesh's triangles at these points.
@@ -87,6 +90,9 @@ pub struct Correspondence {
 }
 
 /// Maps the first mesh onto the second with corresponding landmarks, given as vertices of both.
+///
+/// [`CorrespondenceMethod::Auto`] takes registration, the fastest, unless its map fails a check ([`MapQuality::failed_checks`]); then a
+/// bijective map, where the topology of both meshes has one, and of the two the one that exceeds its limits by the smaller factor.
 ///
 /// # Errors
 /// [`MorphError::Landmarks`], [`MorphError::Empty`], [`MorphError::Topology`], [`MorphError::Numerics`],
@@ -98,13 +104,37 @@ pub fn correspond(
     options: &CorrespondenceOptions,
     run: &Run,
 ) -> Result<Correspondence, MorphError> {
-    let points = match options.method {
-        CorrespondenceMethod::Registration => register(first, second, landmarks, &options.registration, run)?,
-        CorrespondenceMethod::Sphere => over_spheres(first, second, landmarks, run)?,
-        CorrespondenceMethod::Disk => over_disks(first, second, landmarks, run)?,
+    let by = |method| {
+        let points = match method {
+            CorrespondenceMethod::Sphere => over_spheres(first, second, landmarks, run)?,
+            CorrespondenceMethod::Disk => over_disks(first, second, landmarks, run)?,
+            _ => register(first, second, landmarks, &options.registration, run)?,
+        };
+        let mapped = first.with_positions(points.iter().map(|p| p.point).collect())?;
+        let quality = measure(first, &mapped, second, landmarks, run)?;
+        Ok(Correspondence { method, points, mapped, quality })
     };
-    let positions: Vec<Point3<f64>> = points.iter().map(|p| p.point).collect();
-    let mapped = first.with_positions(positions)?;
-    let quality = measure(first, &mapped, second, landmarks, run)?;
-    Ok(Correspondence { points, mapped, quality })
+    if options.method != CorrespondenceMethod::Auto {
+        return by(options.method);
+    }
+    let mut best = by(CorrespondenceMethod::Registration)?;
+    for method in [CorrespondenceMethod::Sphere, CorrespondenceMethod::Disk] {
+        if best.excess() <= 1.0 {
+            break;
+        }
+        match by(method) {
+            // Another topology than that of the method.
+            Err(MorphError::Topology { .. }) => {}
+            Ok(other) if other.excess() < best.excess() => best = other,
+            other => drop(other?),
+        }
+    }
+    Ok(best)
+}
+
+impl Correspondence {
+    /// The largest of the values that are checked, over its limit.
+    fn excess(&self) -> f64 {
+        self.quality.checks().iter().map(QualityCheck::excess).fold(0.0, f64::max)
+    }
 }

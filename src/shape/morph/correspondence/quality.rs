@@ -10,9 +10,20 @@ use plumbline_num::run::Run;
 /// Minimum area ratio of a mapped triangle, relative to the total areas; below it the triangle is collapsed.
 const MIN_AREA_RATIO: f64 = 1e-9;
 
+/// Maximum fraction of triangles that are flipped or collapsed: folds are visible from about one in a thousand.
+const MAX_FOLDED: f64 = 1e-3;
+/// Maximum 95th percentile of the stretch. Good maps of unlike bodies have 1.5 to 3; from about 10 single triangles cover whole parts.
+const MAX_STRETCH: f64 = 6.0;
+/// Maximum distance of a landmark from its target, in diagonals: a smaller one is hardly seen, and no reason to prefer a folded map.
+const MAX_LANDMARK_ERROR: f64 = 0.01;
+/// Maximum distance from a vertex of the second mesh to the mapped surface, in diagonals: more is a part that is missing, such as an ear.
+const MAX_MISSED: f64 = 0.1;
+
 /// Quality metrics of a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MapQuality {
+    /// Number of triangles.
+    pub triangles: usize,
     /// Number of triangles whose normal opposes that of the surface below them.
     pub flipped: usize,
     /// Number of collapsed triangles.
@@ -27,6 +38,56 @@ pub struct MapQuality {
     pub missed_rms: f64,
     /// Largest of these distances: lost features.
     pub missed_worst: f64,
+}
+
+/// A check of a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QualityCheck {
+    /// What is checked.
+    pub name: &'static str,
+    /// The value.
+    pub value: f64,
+    /// The largest value that passes.
+    pub limit: f64,
+    /// The value is a fraction, not a factor.
+    fraction: bool,
+}
+
+impl QualityCheck {
+    /// The value over its limit; infinite where it is not a number.
+    pub(super) fn excess(&self) -> f64 {
+        if self.value.is_nan() { f64::INFINITY } else { self.value / self.limit }
+    }
+}
+
+impl std::fmt::Display for QualityCheck {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { name, value, limit, fraction } = self;
+        if *fraction {
+            write!(f, "{name} {:.2} % (at most {} %)", 100.0 * value, 100.0 * limit)
+        } else {
+            write!(f, "{name} {value:.2} (at most {limit})")
+        }
+    }
+}
+
+impl MapQuality {
+    /// The checks of folds, stretch, landmark error and coverage.
+    pub(super) fn checks(&self) -> [QualityCheck; 4] {
+        let folded = (self.flipped + self.collapsed) as f64 / self.triangles.max(1) as f64;
+        [
+            ("folds", folded, MAX_FOLDED, true),
+            ("stretch of 95 % of the area", self.stretch_95, MAX_STRETCH, false),
+            ("landmarks missed by", self.landmark_error, MAX_LANDMARK_ERROR, true),
+            ("features missed by", self.missed_worst, MAX_MISSED, true),
+        ]
+        .map(|(name, value, limit, fraction)| QualityCheck { name, value, limit, fraction })
+    }
+
+    /// The checks that the map fails.
+    pub fn failed_checks(&self) -> Vec<QualityCheck> {
+        self.checks().into_iter().filter(|c| !(c.excess() <= 1.0)).collect()
+    }
 }
 
 /// Measures a map from `first` to `mapped` on `second`.
@@ -62,6 +123,7 @@ pub fn measure(
         flipped += usize::from(!collapsed(&t) && against(&t)?);
     }
     Ok(MapQuality {
+        triangles: mapped.triangle_count(),
         flipped,
         collapsed: (0..mapped.triangle_count()).filter(collapsed).count(),
         stretch,
@@ -175,5 +237,11 @@ mod tests {
         let spikes = shapes::spiked_plane(8, 4, 0.5);
         let quality = measure(&plane, &plane, &spikes, &[], &Run::default()).unwrap();
         assert!((quality.missed_worst - 0.5 / spikes.diagonal()).abs() < 1e-12);
+        let failed: Vec<String> = quality.failed_checks().iter().map(ToString::to_string).collect();
+        assert!(
+            failed.iter().any(|f| f.starts_with("features missed by 3") && f.ends_with("(at most 10 %)")),
+            "{failed:?}"
+        );
+        assert_eq!(measure(&plane, &plane, &plane, &[], &Run::default()).unwrap().failed_checks(), []);
     }
 }

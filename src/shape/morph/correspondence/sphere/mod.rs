@@ -19,6 +19,7 @@
 //! E. Praun, H. Hoppe, *Spherical parametrization and remeshing*, SIGGRAPH 2003.
 
 mod collapse;
+mod distortion;
 mod kernel;
 mod overlay;
 mod stretch;
