@@ -106,10 +106,11 @@ impl Worker<'_> {
                 Some(Reply::Publishing(Paths(paths))) => {
                     let known = paths.as_chunks::<2>().0.iter().try_for_each(|[file, target]| publishing(file, target));
                     // What no record can tell of does not get its name: the worker stops.
-                    let _ = match known {
-                        Ok(()) => process.send(RECORDED),
-                        Err(_) => Ok(drop(locked(&process.orders).take())),
-                    };
+                    if known.is_ok() {
+                        let _ = process.send(RECORDED);
+                    } else {
+                        drop(locked(&process.orders).take());
+                    }
                 }
                 Some(Reply::Done(summary)) => return Ok(*summary),
                 Some(Reply::Failed(exit, message)) => return Err(RunError::of_message(exit, message)),
