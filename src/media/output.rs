@@ -185,11 +185,11 @@ impl Partial {
         }
     }
 
-    /// Where the unfinished file or folder is; standard output is nowhere.
-    pub(super) fn path(&self) -> Option<&Path> {
+    /// Where the unfinished file or folder is, and the name that it gets; `None` for standard output.
+    pub(super) fn names(&self) -> Option<(&Path, &Path)> {
         match self {
             Self::Stdout => None,
-            Self::File { partial, .. } | Self::Folder { partial, .. } => Some(partial.path()),
+            Self::File { partial, target, .. } | Self::Folder { partial, target, .. } => Some((partial.path(), target)),
         }
     }
 

@@ -51,9 +51,10 @@ pub struct SealedVideo {
 }
 
 impl SealedVideo {
-    /// Where the file is, or the folder with the files of a sequence; `None` for standard output.
-    pub fn path(&self) -> Option<&Path> {
-        self.partial.path()
+    /// Where the file is, or the folder with the files of a sequence, and the name or the pattern that it gets; `None` for standard
+    /// output.
+    pub fn names(&self) -> Option<(&Path, &Path)> {
+        self.partial.names()
     }
 
     /// Syncs the file to the disk and gives it its name.

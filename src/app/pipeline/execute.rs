@@ -284,7 +284,7 @@ impl Executor<'_> {
     fn wait_for_writers(&self, instance: &Instance) {
         let until = Instant::now() + WAIT_FOR_WRITERS;
         let outputs = instance.outputs();
-        while outputs.iter().any(|path| AtomicFile::is_being_written(path))
+        while outputs.iter().any(|path| AtomicFile::remove_leftovers(path))
             && Instant::now() < until
             && !self.cancel.load(Ordering::Relaxed)
         {
@@ -348,7 +348,7 @@ impl Executor<'_> {
                 let done = worker.run(&Order::of(instance, options), &instance.key, self.progress, &publishing);
                 if done.is_err() {
                     // A worker that crashed took nothing along.
-                    instance.outputs().iter().for_each(|path| AtomicFile::remove_leftovers(path));
+                    instance.outputs().iter().for_each(|path| _ = AtomicFile::remove_leftovers(path));
                 }
                 done
             }

@@ -148,13 +148,8 @@ impl AtomicFile {
         marked || Name::beginning("plumbline-stdin-").matches(name)
     }
 
-    /// Removes unfinished files that were to become `target` and whose writers died.
-    pub fn remove_leftovers(target: &Path) {
-        sweep(folder_of(target), &Name::of(target));
-    }
-
-    /// Whether another process is writing what is to become `target`. Leftovers of the same target are removed.
-    pub fn is_being_written(target: &Path) -> bool {
+    /// Removes unfinished files that were to become `target` and whose writers died. True where another process is writing one.
+    pub fn remove_leftovers(target: &Path) -> bool {
         sweep(folder_of(target), &Name::of(target))
     }
 

@@ -136,8 +136,7 @@ pub(crate) fn sinks(
 /// Gives the files their names and reports them.
 pub(crate) fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<(), RunError> {
     for sink in sinks {
-        let target = sink.output.path().to_owned();
-        let (output, size, written) = sink.finish(context.job, &target)?;
+        let (output, size, written) = sink.finish(context.job)?;
         report_file(context.summary, &output, size, written);
     }
     Ok(())

@@ -82,15 +82,11 @@ impl Sink {
         Ok(self)
     }
 
-    /// Finishes the file, has it put on record, and gives it the name `target`.
-    pub(crate) fn finish(
-        self,
-        job: &Job<'_>,
-        target: &Path,
-    ) -> Result<(Output, (usize, usize), WriteReport), RunError> {
+    /// Finishes the file, has it put on record, and gives it its name.
+    pub(crate) fn finish(self, job: &Job<'_>) -> Result<(Output, (usize, usize), WriteReport), RunError> {
         job.check_cancel()?;
         let sealed = self.writer.seal()?;
-        if let Some(unfinished) = sealed.path() {
+        if let Some((unfinished, target)) = sealed.names() {
             job.publishing(unfinished, target)?;
         }
         Ok((self.output, self.size, sealed.publish()?))

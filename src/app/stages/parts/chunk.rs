@@ -67,7 +67,7 @@ impl Stage for ChunkSettings {
         let stream = Stream { job: context.job, reader, sampler: Some(sampler), album: None };
         let (read, sinks) = stream.run(vec![sink])?;
         for sink in sinks {
-            let (_, size, written) = sink.finish(context.job, &path)?;
+            let (_, size, written) = sink.finish(context.job)?;
             let part = Output::parse(&path);
             crate::stages::clip::summary::report_file(context.summary, &part, size, written);
         }

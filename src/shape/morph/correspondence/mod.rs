@@ -123,10 +123,10 @@ pub fn correspond(
             break;
         }
         match by(method) {
-            // Another topology than that of the method.
-            Err(MorphError::Topology { .. }) => {}
+            Err(MorphError::Interrupted(stopped)) => return Err(stopped.into()),
             Ok(other) if other.excess() < best.excess() => best = other,
-            other => drop(other?),
+            // Not better, or a method that these surfaces are no input for: the map at hand stays.
+            Ok(_) | Err(_) => {}
         }
     }
     Ok(best)

@@ -18,7 +18,7 @@
 use nalgebra::{Matrix2, Matrix3x2, Point3, Vector2, Vector3};
 
 use super::SphereEmbedding;
-use crate::mesh::TriMesh;
+use crate::mesh::{HalfEdges, MeshError, TriMesh};
 use crate::morph::bvh::SurfacePoint;
 use plumbline_num::run::{Run, Stopped};
 
@@ -41,8 +41,7 @@ const MAX_CROSSED: usize = 300;
 pub(super) struct Ground<'m> {
     mesh: &'m TriMesh,
     at: &'m [Vector3<f64>],
-    /// The triangles across the edges opposite each corner.
-    across: Vec<[u32; 3]>,
+    edges: HalfEdges,
     normals: Vec<Vector3<f64>>,
 }
 
@@ -57,22 +56,8 @@ struct Foot {
 
 impl<'m> Ground<'m> {
     /// A closed surface and its embedding.
-    pub(super) fn new(mesh: &'m TriMesh, at: &'m [Vector3<f64>]) -> Self {
-        let mut edges: Vec<((u32, u32), u32, usize)> = Vec::with_capacity(3 * mesh.triangle_count());
-        for (t, v) in (0..).zip(mesh.triangles()) {
-            for k in 0..3 {
-                let (a, b) = (v[(k + 1) % 3], v[(k + 2) % 3]);
-                edges.push(((a.min(b), a.max(b)), t, k));
-            }
-        }
-        edges.sort_unstable();
-        let mut across: Vec<[u32; 3]> = (0..mesh.triangle_count() as u32).map(|t| [t; 3]).collect();
-        for pair in edges.windows(2).filter(|p| p[0].0 == p[1].0) {
-            across[pair[0].1 as usize][pair[0].2] = pair[1].1;
-            across[pair[1].1 as usize][pair[1].2] = pair[0].1;
-        }
-        let normals = mesh.vertex_normals();
-        Self { mesh, at, across, normals }
+    pub(super) fn new(mesh: &'m TriMesh, at: &'m [Vector3<f64>]) -> Result<Self, MeshError> {
+        Ok(Self { mesh, at, edges: HalfEdges::new(mesh)?, normals: mesh.vertex_normals() })
     }
 
     fn foot(&self, triangle: u32, weights: [f64; 3]) -> Foot {
@@ -95,7 +80,8 @@ impl<'m> Ground<'m> {
                 let sum: f64 = weights.iter().sum();
                 return (sum > 0.0).then(|| self.foot(triangle, weights.map(|w| w / sum)));
             }
-            triangle = self.across[triangle as usize][lowest];
+            let opposite = HalfEdges::next(3 * triangle + lowest as u32);
+            triangle = HalfEdges::triangle(self.edges.twin(opposite)?);
         }
         None
     }

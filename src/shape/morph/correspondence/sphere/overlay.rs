@@ -67,7 +67,7 @@ pub fn over_spheres(
     };
     let mut points: Vec<SurfacePoint> =
         embedding.at.iter().enumerate().map(point).collect::<Result<_, MorphError>>()?;
-    relax(&mut embedding, &Ground::new(second, &goal), &mut points, &fixed, run)?;
+    relax(&mut embedding, &Ground::new(second, &goal)?, &mut points, &fixed, run)?;
     Ok(points)
 }
 

@@ -162,7 +162,7 @@ fn relaxation_of_a_distorted_map_restores_the_identity() {
         embedding.step(v as u32, &(embedding.at[v] + aside).normalize());
     }
     let corner_of = super::super::registration::corner_of_vertices(&mesh);
-    let ground = distortion::Ground::new(&mesh, &at);
+    let ground = distortion::Ground::new(&mesh, &at).unwrap();
     let sphere = mesh.with_positions(at.iter().map(|p| Point3::from(*p)).collect()).unwrap();
     let bvh = crate::morph::bvh::Bvh::new(&sphere);
     let near = |p: &Vector3<f64>| bvh.nearest(&Point3::from(*p), |_| true).unwrap();
