@@ -47,6 +47,7 @@ mod pipeline_run;
 mod plumb_line;
 mod pose;
 mod public_surface;
+mod records;
 mod render;
 mod render_oracle;
 mod render_sharpness;
