@@ -313,11 +313,13 @@ fn motion_and_paths_end_with_their_run() {
         .collect();
     let times_s: Vec<f64> = (0..60).map(|t| f64::from(t) / 30.0).collect();
     let shot_of_all = std::slice::from_ref(&(0..60));
-    let clip = path::Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: shot_of_all };
+    let clip =
+        path::Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: shot_of_all, beyond: &[] };
     assert!(matches!(windows, Err(Ended(Stopped::Interrupted))));
     assert_all(&[
         ("structure from motion", stops!(reconstruct(&shot.table(), &SfmOptions::default(), &run))),
         ("a path", stops!(path::plan(&clip, &PathOptions::default(), &run), PathError)),
+        ("what neighbors show", stops!(path::shown_beyond(&clip, &[], &path::BeyondOptions::default(), &run))),
     ]);
     assert!(average_rotations(0, &[], &run).is_ok(), "nothing to average takes no time");
 }

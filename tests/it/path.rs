@@ -45,7 +45,8 @@ fn plan_steps(motion: &[InterFrame], (width, height): (u32, u32), options: &Path
     let times_s: Vec<f64> = (0..motion.len()).map(|t| t as f64 / FPS).collect();
     let shot = 0..motion.len();
     let shots = std::slice::from_ref(&shot);
-    plan(&Clip { width, height, times_s: &times_s, motion, shots }, options, &Run::default()).expect("a valid clip")
+    plan(&Clip { width, height, times_s: &times_s, motion, shots, beyond: &[] }, options, &Run::default())
+        .expect("a valid clip")
 }
 
 /// A walk: drift, steps at 1.9 Hz, tremor, all from a seeded generator.
@@ -218,7 +219,8 @@ fn shots_do_not_know_of_each_other() {
     both.push(InterFrame { similarity: Similarity2::about(Point2::origin(), 2.0, 3.0, Vec2::new(900.0, 5.0)), ..b[0] });
     both.extend(&b[1..]);
     let times_s: Vec<f64> = (0..210).map(|t| f64::from(t) / FPS).collect();
-    let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &both, shots: &[0..90, 90..210] };
+    let clip =
+        Clip { width: 640, height: 360, times_s: &times_s, motion: &both, shots: &[0..90, 90..210], beyond: &[] };
     let together = plan(&clip, &options, &Run::default()).expect("a valid clip");
     let (first, second) = together.out_from_src.split_at(90);
     let near = |x: &[plumbline::num::math::Homography], y: &VirtualPath| {
@@ -361,7 +363,14 @@ fn uneven_timestamps_of_an_even_pan_are_no_shake() {
     let views: Vec<View> =
         times_s.iter().map(|&t| View { x: 150.0 * t, y: tremble(t), angle: 0.0, zoom: 0.0 }).collect();
     let (steps, shot) = (motion(&views, SIZE), 0..120);
-    let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &steps, shots: std::slice::from_ref(&shot) };
+    let clip = Clip {
+        width: 640,
+        height: 360,
+        times_s: &times_s,
+        motion: &steps,
+        shots: std::slice::from_ref(&shot),
+        beyond: &[],
+    };
     let path = plan(&clip, &PathOptions::default(), &Run::default()).expect("a valid clip");
     let seen_x: Vec<f64> = seen(&path, &views).iter().map(|p| p.x).collect();
     let off = (2..118).map(|t| (seen_x[t] - seen_x[2] + 150.0 * (times_s[t] - times_s[2])).abs()).fold(0.0, f64::max);
@@ -372,7 +381,14 @@ fn uneven_timestamps_of_an_even_pan_are_no_shake() {
 fn invalid_requests_say_what_is_allowed() {
     let (steps, shot) = (motion(&walk(10, 1.0, 14), SIZE), 0..10);
     let times_s: Vec<f64> = (0..10).map(f64::from).collect();
-    let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &steps, shots: std::slice::from_ref(&shot) };
+    let clip = Clip {
+        width: 640,
+        height: 360,
+        times_s: &times_s,
+        motion: &steps,
+        shots: std::slice::from_ref(&shot),
+        beyond: &[],
+    };
     let message = |clip: &Clip<'_>, o: PathOptions| plan(clip, &o, &Run::default()).expect_err("invalid").to_string();
     let d = PathOptions::default();
     let cases = [

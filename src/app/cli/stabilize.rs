@@ -152,6 +152,7 @@ impl StabilizeArgs {
         };
         let smooth = SmoothSettings {
             keep_inside: self.render.settings.border == Border::Crop,
+            filled: self.render.settings.border == Border::Fill,
             in_space: in_space.unwrap_or_default(),
             ..smooth.clone()
         };
@@ -163,7 +164,11 @@ impl StabilizeArgs {
             stages.push(export.input("motion", "motion").input("tracks", self.clip.tracks()));
         }
         let planned = StageEntry::built("path", &smooth).input("motion", "motion");
-        stages.push(if in_space.is_some() { planned.input("tracks", self.clip.tracks()) } else { planned });
+        stages.push(if in_space.is_some() || smooth.filled {
+            planned.input("tracks", self.clip.tracks())
+        } else {
+            planned
+        });
         stages
     }
 

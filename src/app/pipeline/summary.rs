@@ -68,6 +68,9 @@ pub struct Summary {
     pub crop: Option<f64>,
     /// Least part kept in any frame.
     pub least_crop: Option<f64>,
+    /// How much of the pictures was filled at their borders.
+    #[serde(default)]
+    pub filled: Option<FillSummary>,
     /// Readout time of the sensor that was corrected for, seconds.
     pub readout_s: Option<f64>,
     /// A clip ended before its container says: the result is a part of what there should be.
@@ -111,6 +114,28 @@ impl fmt::Display for WindowSummary {
         let ([across, down], [first, last]) = (self.kept, self.range_px);
         let (fraction, side, from) = if across < 1.0 { (across, "width", "left") } else { (down, "height", "top") };
         write!(f, "{:.1} % of the {side} shown, from {first:.0} to {last:.0} px off the {from}", 100.0 * fraction)
+    }
+}
+
+/// How much of a clip's pictures lies outside the source and was filled, as fractions of their area.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FillSummary {
+    /// Mean over the frames.
+    pub mean: f64,
+    /// Most in a frame, and which one, from 0.
+    pub most: (f64, usize),
+    /// What no other frame shows, so that it was mirrored: mean over the frames.
+    pub mirrored_mean: f64,
+    /// The most of it, and in which frame, from 0.
+    pub mirrored_most: (f64, usize),
+}
+
+impl fmt::Display for FillSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { mean, most, mirrored_mean, mirrored_most } = self;
+        write!(f, "{:.1} % of the picture filled, at most {:.1} % (frame {})", 100.0 * mean, 100.0 * most.0, most.1)?;
+        let (mirrored, least, frame) = (100.0 * mirrored_mean, 100.0 * mirrored_most.0, mirrored_most.1);
+        write!(f, "; mirrored {mirrored:.2} %, at most {least:.1} % (frame {frame})")
     }
 }
 
@@ -300,6 +325,9 @@ impl fmt::Display for Summary {
         if let Some(crop) = self.crop {
             let least = self.least_crop.map(|c| format!(", least {:.1} %", 100.0 * c)).unwrap_or_default();
             writeln!(f, "  crop      {:.1} % of width and height kept{least}", 100.0 * crop)?;
+        }
+        if let Some(filled) = &self.filled {
+            writeln!(f, "  fill      {filled}")?;
         }
         for segment in &self.segments {
             write!(f, "  {segment}")?;

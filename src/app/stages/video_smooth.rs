@@ -25,7 +25,11 @@ impl Stage for SmoothSettings {
     fn conflicts(&self) -> Vec<Conflict> {
         let help = "choose `fixed` or `adaptive`, or let borders show (`--border mirror`, `keep_inside = false`)";
         let message = "`zoom` = \"none\" leaves no room to move the picture while no border may show".to_owned();
-        self.leaves_no_room().then_some(Conflict { key: "zoom", message, help }).into_iter().collect()
+        let zoom = self.leaves_no_room().then_some(Conflict { key: "zoom", message, help });
+        let message = "`filled` has no effect while nothing outside the picture may show".to_owned();
+        let help = "set `keep_inside = false` too";
+        let filled = (self.filled && self.keep_inside).then_some(Conflict { key: "filled", message, help });
+        zoom.into_iter().chain(filled).collect()
     }
 
     fn memory(&self) -> Vec<MemoryCost> {

@@ -21,6 +21,7 @@
 //! M. Grundmann, V. Kwatra, I. Essa, *Auto-directed video stabilization with robust L1 optimal camera paths*, CVPR 2011:
 //! the window's pose as the unknown of a convex program, linear in the similarity's parameters.
 
+mod beyond;
 mod camera_path;
 mod chain;
 mod fraction;
@@ -47,6 +48,7 @@ use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Stopped;
 
+pub use beyond::{BeyondOptions, Margins, MovingObject, shown_beyond};
 pub use camera_path::{PathShape, SeenPoint, shaped_poses};
 pub use fraction::{attainable_fractions, smoothed_fractions};
 pub use level::{leveled, roll, upward};
@@ -80,6 +82,9 @@ pub struct Clip<'a> {
     pub motion: &'a [InterFrame],
     /// Frame ranges without a cut inside: in order, not empty, together all frames.
     pub shots: &'a [Range<usize>],
+    /// How far the window may reach beyond each side of each frame, where its neighbors show the scene ([`shown_beyond`]); empty:
+    /// nowhere.
+    pub beyond: &'a [Margins],
 }
 
 impl Clip<'_> {

@@ -7,7 +7,7 @@
 //! r_t(B) = F_t B_{t−1} − B_t,          a_t(B) = r_t(B) − r_{t−1}(B)   (second difference),
 //!
 //! min  Σ_t 1/E_t · ( |P_t − L_t|² + λ |a_t(L)|² + μ |a_t(P)|² )  −  κ Σ_t Re P.z_t
-//! s.t. the four corners of the window P_t inside frame t,   Re P.z_t ≥ min_crop,   |Δ Re P.z_t| ≤ v_t,  the fastest zoom that is not seen.
+//! s.t. the four corners of the window P_t inside frame t (and what its neighbors show beside it),   Re P.z_t ≥ min_crop,   |Δ Re P.z_t| ≤ v_t,  the fastest zoom that is not seen.
 //! ```
 //!
 //! `|·|²` is the mean over the frame's area of the squared displacement, so that rotation and zoom count for what they
@@ -27,7 +27,7 @@
 use std::ops::Range;
 
 use super::chain::Chain;
-use super::pose::{C64, FrameUnits, Pose};
+use super::pose::{C64, FrameUnits, Pose, Room};
 use plumbline_num::optim::qp::{Affine, QpError, QuadraticProgram};
 use plumbline_num::run::Run;
 
@@ -74,6 +74,8 @@ pub(super) enum Sizing<'a> {
 pub(super) struct Program<'a> {
     pub(super) chain: &'a Chain,
     pub(super) units: &'a FrameUnits,
+    /// What the window must stay in, per frame.
+    pub(super) rooms: &'a [Room],
     /// Local strength of the shake per frame, frame units².
     pub(super) strength: &'a [f64],
     /// The ideal path where it is not an unknown.
@@ -238,15 +240,15 @@ impl Program<'_> {
         }
     }
 
-    /// The window's corners inside the frame.
+    /// The window's corners inside the room.
     fn keep_inside(&self, qp: &mut QuadraticProgram, frames: &Range<usize>, i: usize) {
-        let (w, h) = self.units.half;
+        let Room { least, most } = self.rooms[frames.start + i];
         for q in self.units.corners() {
             let PoseExpr { z, d } = self.path(frames, i);
             let corner = z.times(q * self.window).plus(d);
-            for (x, half) in [(corner.re, w), (corner.im, h)] {
-                qp.require_at_most_zero(x.clone() - Affine::constant(half));
-                qp.require_at_most_zero(-1.0 * x - Affine::constant(half));
+            for (x, least, most) in [(corner.re, least.re, most.re), (corner.im, least.im, most.im)] {
+                qp.require_at_most_zero(x.clone() - Affine::constant(most));
+                qp.require_at_most_zero(Affine::constant(least) - x);
             }
         }
     }

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::chain::Chain;
 use super::optimal::{Cameras, Program, Sizing, zoom_speeds};
-use super::pose::{C64, FrameUnits, Pose, settle};
-use super::{Clip, PathError, PathKind, PathOptions, Segment, SegmentOutcome, VirtualPath, Zoom, ideal};
+use super::pose::{C64, FrameUnits, Pose, Room, settle};
+use super::{Clip, Margins, PathError, PathKind, PathOptions, Segment, SegmentOutcome, VirtualPath, Zoom, ideal};
 use plumbline_num::math::{Homography, Similarity2};
 use plumbline_num::optim::qp::QpError;
 use plumbline_num::run::{Run, Stopped};
@@ -71,8 +71,12 @@ pub fn plan_along(
         |shot| {
             let chain = Chain::of_shot(clip, &units, shot.clone());
             let ideal: Vec<Pose> = target[shot.clone()].iter().map(|w| window_of(&units, w)).collect();
-            let path =
-                if options.border_allows_outside { Ok(ideal) } else { follow(&chain, &units, options, &ideal, run) };
+            let rooms = rooms(clip, &units, &shot);
+            let path = if options.border_allows_outside {
+                Ok(ideal)
+            } else {
+                follow(&chain, &units, &rooms, options, &ideal, run)
+            };
             let path = path.map_err(|e| format!("the given path cannot be followed: {e}"))?;
             Ok((path, "follows the given path".to_owned()))
         },
@@ -114,8 +118,8 @@ pub(super) fn plan_shots(
         run.check()?;
         let segment = match found {
             Ok((path, reason)) => {
-                for pose in path {
-                    let (pose, out_from_src) = settle(units, pose, window);
+                for (pose, room) in path.into_iter().zip(rooms(clip, units, shot)) {
+                    let (pose, out_from_src) = settle(units, pose, window, &room);
                     plan.out_from_src.push(out_from_src);
                     plan.crop.push(pose.z.norm());
                 }
@@ -130,6 +134,11 @@ pub(super) fn plan_shots(
         plan.segments.push(segment);
     }
     Ok(plan)
+}
+
+/// What the window of each frame of a shot must stay in.
+pub(super) fn rooms(clip: &Clip<'_>, units: &FrameUnits, shot: &Range<usize>) -> Vec<Room> {
+    shot.clone().map(|t| units.room(&clip.beyond.get(t).copied().unwrap_or_default())).collect()
 }
 
 /// The smoothed poses of a shot and a remark for the user, or the reason why it stays unchanged.
@@ -158,7 +167,8 @@ pub(super) fn shot_path(
     if options.smallest_window() > 1.0 - MIN_MARGIN {
         return Err("the least crop leaves no room to move".to_owned());
     }
-    let path = kind_path(&chain, units, options, run).map_err(|e| format!("no path was found: {e}"))?;
+    let path = kind_path(&chain, units, &rooms(clip, units, &shot), options, run)
+        .map_err(|e| format!("no path was found: {e}"))?;
     let after = mean(&chain.seen_through(&path).shake());
     if after.partial_cmp(&before) != Some(std::cmp::Ordering::Less) {
         return Err("smoothing would not have made it steadier".to_owned());
@@ -167,29 +177,43 @@ pub(super) fn shot_path(
 }
 
 /// The path of the kind in the options, leveled if requested.
-fn kind_path(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
+fn kind_path(
+    chain: &Chain,
+    units: &FrameUnits,
+    rooms: &[Room],
+    options: &PathOptions,
+    run: &Run,
+) -> Result<Vec<Pose>, QpError> {
     let ideal = match options.kind {
-        PathKind::Optimal if !options.horizon_lock => return optimal(chain, units, options, run),
+        PathKind::Optimal if !options.horizon_lock => return optimal(chain, units, rooms, options, run),
         // Its centers at one size: a window that no longer rotates with the frame has other corners.
         PathKind::Optimal => {
-            optimal(chain, units, options, run)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
+            optimal(chain, units, rooms, options, run)?.into_iter().map(|p| Pose { z: p.z / p.z.norm(), ..p }).collect()
         }
         PathKind::Gaussian => ideal::gaussian(chain, options.smoothness_s),
         PathKind::Linear => ideal::polynomial(chain, 1),
         PathKind::Parabolic => ideal::polynomial(chain, 2),
         PathKind::Tripod => ideal::tripod(chain),
     };
-    follow(chain, units, options, &if options.horizon_lock { ideal::leveled(chain, &ideal) } else { ideal }, run)
+    let ideal = if options.horizon_lock { ideal::leveled(chain, &ideal) } else { ideal };
+    follow(chain, units, rooms, options, &ideal, run)
 }
 
 /// The path that balances shake, acceleration and crop.
-fn optimal(chain: &Chain, units: &FrameUnits, options: &PathOptions, run: &Run) -> Result<Vec<Pose>, QpError> {
+fn optimal(
+    chain: &Chain,
+    units: &FrameUnits,
+    rooms: &[Room],
+    options: &PathOptions,
+    run: &Run,
+) -> Result<Vec<Pose>, QpError> {
     let strength = chain.shake_strength();
     let about = ideal::gaussian(chain, options.smoothness_s.min(MAX_REFERENCE_S));
     let zoom_speeds = zoom_speeds(&chain.seen_through(&about));
     let mut program = Program {
         chain,
         units,
+        rooms,
         strength: &strength,
         ideal: None,
         about: &about,
@@ -217,26 +241,28 @@ fn sizing<'a>(options: &PathOptions, zoom_speeds: &'a [f64]) -> Sizing<'a> {
     }
 }
 
-/// The given path at the largest window that fits all of it, or constrained to the frame at the smallest allowed.
+/// The given path at the largest window that fits all of it, or constrained to the rooms at the smallest allowed.
 pub(super) fn follow(
     chain: &Chain,
     units: &FrameUnits,
+    rooms: &[Room],
     options: &PathOptions,
     ideal: &[Pose],
     run: &Run,
 ) -> Result<Vec<Pose>, QpError> {
     let window = options.window();
-    let fits = ideal.iter().map(|&p| units.widest(p)).fold(1.0, f64::min) / window;
+    let fits = ideal.iter().zip(rooms).map(|(&p, room)| units.widest(p, room)).fold(1.0, f64::min) / window;
     let size = if options.border_allows_outside { 1.0 } else { fits.max(options.keep) };
     let ideal: Vec<Pose> =
         ideal.iter().map(|p| attainable(units, Pose { z: p.z * size, d: p.d }, options.keep, window)).collect();
-    if ideal.iter().all(|&p| units.overhang(p, window) <= 1e-9) {
+    if ideal.iter().zip(rooms).all(|(&p, room)| units.overhang(p, window, room) <= 1e-9) {
         return Ok(ideal);
     }
     let strength = chain.shake_strength();
     let program = Program {
         chain,
         units,
+        rooms,
         strength: &strength,
         ideal: Some(&ideal),
         about: &ideal,
@@ -257,7 +283,8 @@ fn attainable(units: &FrameUnits, ideal: Pose, min_crop: f64, window: f64) -> Po
     let size = ideal.z.norm().clamp(min_crop, 1.0 / window);
     let rotated = |fraction: f64| C64::from_polar(1.0, fraction * ideal.z.arg());
     let needed = size * window / (1.0 - MIN_MARGIN);
-    let fits = |fraction: f64| units.widest(Pose { z: rotated(fraction), d: C64::new(0.0, 0.0) }) >= needed;
+    let frame = units.room(&Margins::default());
+    let fits = |fraction: f64| units.widest(Pose { z: rotated(fraction), d: C64::new(0.0, 0.0) }, &frame) >= needed;
     let (mut inside, mut outside) = (0.0, 1.0);
     if fits(1.0) {
         inside = 1.0;
@@ -352,8 +379,14 @@ mod tests {
         let motion = long_walk(900);
         let times_s: Vec<f64> = (0..900).map(|t| f64::from(t) / 10.0).collect();
         let shot = 0..900;
-        let clip =
-            Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
+        let clip = Clip {
+            width: 640,
+            height: 360,
+            times_s: &times_s,
+            motion: &motion,
+            shots: std::slice::from_ref(&shot),
+            beyond: &[],
+        };
         let units = FrameUnits::new(640, 360);
         let chain = Chain::of_shot(&clip, &units, 0..900);
         assert!(windows(&chain).len() > 3, "{:?}", windows(&chain));
@@ -363,6 +396,7 @@ mod tests {
         let program = Program {
             chain: &chain,
             units: &units,
+            rooms: &rooms(&clip, &units, &shot),
             strength: &strength,
             ideal: None,
             about: &about,
@@ -382,8 +416,14 @@ mod tests {
         let motion = long_walk(300);
         let times_s: Vec<f64> = (0..300).map(|t| f64::from(t) / 30.0).collect();
         let shot = 0..300;
-        let clip =
-            Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: std::slice::from_ref(&shot) };
+        let clip = Clip {
+            width: 640,
+            height: 360,
+            times_s: &times_s,
+            motion: &motion,
+            shots: std::slice::from_ref(&shot),
+            beyond: &[],
+        };
         let kinds = [PathKind::Optimal, PathKind::Gaussian, PathKind::Linear, PathKind::Parabolic, PathKind::Tripod];
         let kinds = kinds.map(|kind| [(kind, false), (kind, true)]);
         for (kind, horizon_lock) in kinds.into_iter().flatten() {

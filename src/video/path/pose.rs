@@ -1,7 +1,8 @@
-//! The pose of the crop window in a frame, and the exact test that it is inside.
+//! The pose of the crop window in a frame, and the exact test that it is inside the part that can be shown.
 
 use nalgebra::Complex;
 
+use super::Margins;
 use plumbline_num::math::{Homography, Similarity2, Vec2};
 
 pub(super) type C64 = Complex<f64>;
@@ -43,21 +44,40 @@ impl FrameUnits {
         [C64::new(-w, -h), C64::new(w, -h), C64::new(w, h), C64::new(-w, h)]
     }
 
-    /// Distance by which the window of `scale` times the output's size exceeds the frame: ≤ 0 inside.
-    pub(super) fn overhang(&self, pose: Pose, scale: f64) -> f64 {
-        self.corners()
-            .into_iter()
-            .map(|q| pose.apply(scale * q))
-            .fold(f64::NEG_INFINITY, |most, p| most.max(p.re.abs() - self.half.0).max(p.im.abs() - self.half.1))
+    /// The frame with `beyond` around it.
+    pub(super) fn room(&self, beyond: &Margins) -> Room {
+        let Margins { left, top, right, bottom } = *beyond;
+        let grown = |half: f64, px: f64| half + px / self.unit_px;
+        Room {
+            least: C64::new(-grown(self.half.0, left), -grown(self.half.1, top)),
+            most: C64::new(grown(self.half.0, right), grown(self.half.1, bottom)),
+        }
+    }
+
+    /// Distance by which the window of `scale` times the output's size exceeds the room: ≤ 0 inside.
+    pub(super) fn overhang(&self, pose: Pose, scale: f64, room: &Room) -> f64 {
+        self.corners().into_iter().map(|q| pose.apply(scale * q)).fold(f64::NEG_INFINITY, |most, p| {
+            let (low, high) = (room.least - p, p - room.most);
+            [low.re, low.im, high.re, high.im].into_iter().fold(most, f64::max)
+        })
     }
 
     /// The largest zoom factor `c ≤ 1` for which `{c·z, d}` keeps the window inside; ≤ 0 where the center is outside.
-    pub(super) fn widest(&self, pose: Pose) -> f64 {
+    pub(super) fn widest(&self, pose: Pose, room: &Room) -> f64 {
         let side = |room: f64, reach: f64| if reach > 0.0 { room / reach } else { f64::INFINITY };
+        let (before, after) = (pose.d - room.least, room.most - pose.d);
         self.corners().into_iter().map(|q| pose.z * q).fold(1.0, |c: f64, r| {
-            c.min(side(self.half.0 - pose.d.re.abs(), r.re.abs())).min(side(self.half.1 - pose.d.im.abs(), r.im.abs()))
+            let along = |r: f64, before: f64, after: f64| side(if r < 0.0 { before } else { after }, r.abs());
+            c.min(along(r.re, before.re, after.re)).min(along(r.im, before.im, after.im))
         })
     }
+}
+
+/// The rectangle that the window must stay in, in [`FrameUnits`]: the frame, or more where its neighbors show what is beside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Room {
+    pub(super) least: C64,
+    pub(super) most: C64,
 }
 
 /// A similarity about the frame's center, `x ↦ z x + d`, in [`FrameUnits`]. As a virtual camera: `src_from_out`.
@@ -96,11 +116,11 @@ impl Pose {
     }
 }
 
-/// `out_from_src` in pixels for a virtual camera, the window inside the frame to the last bit.
+/// `out_from_src` in pixels for a virtual camera, the window inside the room to the last bit.
 ///
 /// The solver and the change of units leave errors near `1e-9`. The pose is moved toward the centered window of the
 /// same scale, which is strictly inside, by doubling steps until the pixel matrix itself passes the test.
-pub(super) fn settle(units: &FrameUnits, pose: Pose, window: f64) -> (Pose, Homography) {
+pub(super) fn settle(units: &FrameUnits, pose: Pose, window: f64, room: &Room) -> (Pose, Homography) {
     let scale = pose.z.norm().min(1.0 / window);
     let safe = Pose { z: C64::new(scale * (1.0 - 1e-6), 0.0), d: C64::new(0.0, 0.0) };
     let mut fraction = 0.0;
@@ -108,7 +128,7 @@ pub(super) fn settle(units: &FrameUnits, pose: Pose, window: f64) -> (Pose, Homo
         let p = pose.toward(safe, fraction);
         let src_from_out = units.similarity(p);
         if let Some(out_from_src) = src_from_out.inverse()
-            && (fraction >= 1.0 || stays_inside(units, out_from_src, window))
+            && (fraction >= 1.0 || stays_inside(units, out_from_src, window, room))
         {
             return (p, out_from_src.to_homography());
         }
@@ -116,9 +136,9 @@ pub(super) fn settle(units: &FrameUnits, pose: Pose, window: f64) -> (Pose, Homo
     }
 }
 
-/// Whether the output window's preimage under the final pixel map is in `[0,W]×[0,H]`.
-fn stays_inside(units: &FrameUnits, out_from_src: Similarity2, window: f64) -> bool {
-    out_from_src.inverse().is_some_and(|s| units.overhang(units.pose(s), window) <= 0.0)
+/// Whether the output window's preimage under the final pixel map is in the room.
+fn stays_inside(units: &FrameUnits, out_from_src: Similarity2, window: f64, room: &Room) -> bool {
+    out_from_src.inverse().is_some_and(|s| units.overhang(units.pose(s), window, room) <= 0.0)
 }
 
 #[cfg(test)]
@@ -142,17 +162,21 @@ mod tests {
     #[test]
     fn the_widest_window_touches_the_edge() {
         let pose = Pose { z: C64::from_polar(1.0, 0.05), d: C64::new(0.03, -0.02) };
-        let c = units().widest(pose);
-        assert!(c < 1.0);
-        assert!(units().overhang(Pose { z: pose.z * c, ..pose }, 1.0).abs() < 1e-12);
+        for beyond in [Margins::default(), Margins { left: 3.0, top: 0.0, right: 20.0, bottom: 5.0 }] {
+            let room = units().room(&beyond);
+            let c = units().widest(pose, &room);
+            assert!(c < 1.0);
+            assert!(units().overhang(Pose { z: pose.z * c, ..pose }, 1.0, &room).abs() < 1e-12);
+        }
     }
 
     #[test]
     fn an_overhanging_window_is_settled_inside_by_a_hair() {
         let rotated = Pose { z: C64::from_polar(1.0, 0.01), d: C64::new(0.05, 0.01) };
-        let over = Pose { z: rotated.z * (units().widest(rotated) * (1.0 + 1e-7)), ..rotated };
-        assert!(units().overhang(over, 1.0) > 0.0);
-        let (settled, out_from_src) = settle(&units(), over, 1.0);
+        let frame = units().room(&Margins::default());
+        let over = Pose { z: rotated.z * (units().widest(rotated, &frame) * (1.0 + 1e-7)), ..rotated };
+        assert!(units().overhang(over, 1.0, &frame) > 0.0);
+        let (settled, out_from_src) = settle(&units(), over, 1.0, &frame);
         assert!((settled.d - over.d).norm() + (settled.z - over.z).norm() < 1e-5);
         let src_from_out = out_from_src.inverse().expect("a similarity");
         for (x, y) in [(0.0, 0.0), (640.0, 0.0), (640.0, 360.0), (0.0, 360.0)] {

@@ -1,9 +1,9 @@
 //! The path that follows target views as far as the source covers them.
 
 use super::chain::Chain;
-use super::plan::{expect_one_per_frame, follow, plan_shots, shot_path, validate, window_of};
+use super::plan::{expect_one_per_frame, follow, plan_shots, rooms, shot_path, validate, window_of};
 use super::pose::{FrameUnits, Pose};
-use super::{Clip, PathError, PathOptions, VirtualPath};
+use super::{Clip, Margins, PathError, PathOptions, VirtualPath};
 use plumbline_num::math::Similarity2;
 use plumbline_num::run::Run;
 
@@ -15,7 +15,8 @@ impl PathOptions {
     pub fn covers(&self, (width, height): (u32, u32), out_from_src: &Similarity2) -> bool {
         let units = FrameUnits::new(width, height);
         let window = out_from_src.inverse().map(|s| units.pose(s)).filter(Pose::is_finite);
-        window.is_some_and(|pose| units.widest(pose) * pose.z.norm().min(1.0) >= self.smallest_window())
+        let frame = units.room(&Margins::default());
+        window.is_some_and(|pose| units.widest(pose, &frame) * pose.z.norm().min(1.0) >= self.smallest_window())
     }
 }
 
@@ -42,8 +43,10 @@ pub fn plan_toward(
             let window = |w: &Option<Similarity2>| w.as_ref().map(|w| window_of(&units, w)).filter(Pose::is_finite);
             let known: Vec<Option<Pose>> = target[shot.clone()].iter().map(window).collect();
             let Some(ideal) = bridged(&known) else { return shot_path(clip, options, &units, shot, run) };
+            let rooms = rooms(clip, &units, &shot);
             let chain = Chain::of_shot(clip, &units, shot);
-            let path = follow(&chain, &units, options, &ideal, run).map_err(|e| format!("no path was found: {e}"))?;
+            let path =
+                follow(&chain, &units, &rooms, options, &ideal, run).map_err(|e| format!("no path was found: {e}"))?;
             let reason =
                 if alike_but_for_size(&path, &ideal) { "follows the target path" } else { "constrained to the frame" };
             Ok((path, reason.to_owned()))
@@ -96,7 +99,7 @@ mod tests {
         for frames in [1, 2, 3, 60] {
             let (times_s, motion, shot) = still(frames);
             let shots = std::slice::from_ref(&shot);
-            let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots };
+            let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots, beyond: &[] };
             let shift = |t: usize| Similarity2 { t: Vec2::new(0.8 * t as f64, 2.0), ..Similarity2::IDENTITY };
             let target: Vec<_> = (0..frames).map(|t| (!(20..30).contains(&t)).then(|| shift(t))).collect();
             assert!(target.iter().flatten().all(|w| PathOptions::default().covers((640, 360), w)));
@@ -115,7 +118,7 @@ mod tests {
     fn uncovered_targets_are_constrained_to_the_frame_at_the_smallest_window() {
         let (times_s, motion, shot) = still(60);
         let shots = std::slice::from_ref(&shot);
-        let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots };
+        let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots, beyond: &[] };
         let far = |t: usize| Similarity2 { t: Vec2::new(4.0 * t as f64, 0.0), ..Similarity2::IDENTITY };
         let target: Vec<_> = (0..60).map(|t| Some(far(t))).collect();
         let options = PathOptions::default();
@@ -127,7 +130,7 @@ mod tests {
         for out_from_src in &path.out_from_src {
             let m = out_from_src.matrix();
             let map = Similarity2 { a: m[(0, 0)], b: m[(1, 0)], t: Vec2::new(m[(0, 2)], m[(1, 2)]) };
-            assert!(units.overhang(window_of(&units, &map), 1.0) <= 1e-9);
+            assert!(units.overhang(window_of(&units, &map), 1.0, &units.room(&Margins::default())) <= 1e-9);
         }
     }
 
@@ -139,7 +142,7 @@ mod tests {
             step.similarity = Similarity2 { t: shift, ..Similarity2::IDENTITY };
         }
         let shots = [0..60, 60..120];
-        let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: &shots };
+        let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: &shots, beyond: &[] };
         let options = PathOptions::default();
         let target: Vec<_> = (0..120).map(|t| (t >= 60).then_some(Similarity2::IDENTITY)).collect();
         let (mixed, alone) =

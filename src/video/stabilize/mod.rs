@@ -80,6 +80,7 @@ mod import;
 mod measurement;
 mod model_evaluation;
 mod model_selection;
+mod moving_objects;
 mod options;
 mod path_file;
 mod path_planning;

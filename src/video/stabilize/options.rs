@@ -200,6 +200,9 @@ pub struct SmoothingOptions {
     pub path_file: Option<PathBuf>,
     /// The picture may not show anything outside the source; false where the renderer fills its borders
     pub keep_inside: bool,
+    /// What lies outside is filled from neighboring frames: show no more of it than they do, and nothing where something moves on its own (that
+    /// is known by the tracks)
+    pub filled: bool,
 }
 
 impl Default for SmoothingOptions {
@@ -214,11 +217,17 @@ impl Default for SmoothingOptions {
             in_space: InSpace::default(),
             path_file: None,
             keep_inside: true,
+            filled: false,
         }
     }
 }
 
 impl SmoothingOptions {
+    /// Whether the window may leave the frame, but only as far as its neighbors show the scene.
+    pub(super) fn is_bounded_by_neighbors(&self) -> bool {
+        self.filled && !self.keep_inside && self.zoom != Zoom::None
+    }
+
     /// Whether `zoom = "none"` is combined with borders that may not show, which leaves no room to move the picture.
     pub fn leaves_no_room(&self) -> bool {
         self.zoom == Zoom::None && self.keep_inside
@@ -226,14 +235,16 @@ impl SmoothingOptions {
 
     /// The same for the planner of paths in the picture.
     pub(super) fn in_picture(&self) -> PathOptions {
+        let bounded = self.is_bounded_by_neighbors();
         PathOptions {
             kind: self.path.kind(),
             smoothness_s: self.smoothness,
             keep: self.keep,
             zoom: self.zoom,
-            border_allows_outside: !self.keep_inside,
+            border_allows_outside: !self.keep_inside && !bounded,
             horizon_lock: self.horizon_lock,
-            reserve: self.reserve,
+            // Where the border is filled, the mesh may move it.
+            reserve: if bounded { 0.0 } else { self.reserve },
         }
     }
 }

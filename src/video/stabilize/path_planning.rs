@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::error::StabilizeError;
 use super::model_selection::select_path;
+use super::moving_objects::moving_objects;
 use super::options::{InSpace, PathMethod, SmoothingOptions};
 use super::path_file;
 use super::space::{ScenePoints, TargetPose, Views, steadied};
@@ -12,7 +13,9 @@ use super::target_path::{self, TargetPath};
 use super::tracks::Tracks;
 use crate::motion::sfm::SfmVerdict;
 use crate::motion::{ClipCameras, ClipMotion, FrameCamera, FrameMotion, MotionQuality, ShotCameras};
-use crate::path::{self, Clip, InterFrame, PathError, PathOptions, Segment, SegmentOutcome, VirtualPath};
+use crate::path::{
+    self, BeyondOptions, Clip, InterFrame, Margins, PathError, PathOptions, Segment, SegmentOutcome, VirtualPath,
+};
 use plumbline_camera::{CameraPose, Vec3};
 use plumbline_num::math::Similarity2;
 use plumbline_num::run::Run;
@@ -36,7 +39,7 @@ pub fn plan_path(
     run: &Run,
 ) -> Result<VirtualPath, StabilizeError> {
     run.check()?;
-    let planner = Planner::new(motion, options, run);
+    let planner = Planner::new(motion, tracks, options, run)?;
     match (&motion.cameras, tracks, &options.path_file) {
         (Some(cameras), Some(tracks), Some(file)) => planner.along(file, cameras, tracks),
         (Some(cameras), Some(tracks), None) => planner.in_space(cameras, tracks),
@@ -53,18 +56,31 @@ struct Planner<'a> {
     times_s: Vec<f64>,
     /// Motion as measured in the picture.
     steps: Vec<InterFrame>,
+    /// How far the window may leave the frame; empty where it may not, or anywhere.
+    beyond: Vec<Margins>,
 }
 
 impl<'a> Planner<'a> {
-    fn new(motion: &'a ClipMotion, options: &'a SmoothingOptions, run: &'a Run) -> Self {
+    fn new(
+        motion: &'a ClipMotion,
+        tracks: Option<&Tracks>,
+        options: &'a SmoothingOptions,
+        run: &'a Run,
+    ) -> Result<Self, StabilizeError> {
         let times_s = motion.frames.iter().map(|m| motion.timebase.seconds(m.pts)).collect();
         let steps = motion.frames.iter().map(inter_frame).collect();
-        Self { motion, options, run, times_s, steps }
+        let mut planner = Self { motion, options, run, times_s, steps, beyond: Vec::new() };
+        if options.is_bounded_by_neighbors() {
+            let objects = tracks.map(|tracks| moving_objects(motion, tracks, run)).transpose()?.unwrap_or_default();
+            let limits = BeyondOptions { limit: 0.5 * (1.0 - options.keep), ..BeyondOptions::default() };
+            planner.beyond = path::shown_beyond(&planner.clip(&planner.steps), &objects, &limits, run)?;
+        }
+        Ok(planner)
     }
 
     fn clip<'s>(&'s self, steps: &'s [InterFrame]) -> Clip<'s> {
         let ClipMotion { width, height, shots, .. } = self.motion;
-        Clip { width: *width, height: *height, times_s: &self.times_s, motion: steps, shots }
+        Clip { width: *width, height: *height, times_s: &self.times_s, motion: steps, shots, beyond: &self.beyond }
     }
 
     /// The path by the motion in the picture.

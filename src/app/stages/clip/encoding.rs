@@ -19,6 +19,7 @@ use super::stream::{QUEUE, decode};
 use super::summary::{report_file, report_plan};
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::FillSummary;
 use crate::pipeline::threads::start;
 use crate::stages::context::Context;
 use crate::stages::video_report::Album;
@@ -58,7 +59,8 @@ fn copied(context: &mut Context<'_, '_>, stages: &[usize], source: usize) -> Res
     let others = other_inputs(context, stages, source)?;
     let sinks = sinks(context, stages, source, &input, reader.info(), &others)?;
     let mut album = Album::wanted(context, stages, reader.info())?;
-    let (read, sinks) = Stream { job: context.job, reader, sampler: None, album: album.as_mut() }.run(sinks)?;
+    let Streamed { read, sinks, .. } =
+        Stream { job: context.job, reader, sampler: None, album: album.as_mut() }.run(sinks)?;
     finish(context, sinks)?;
     context.report_damage(&read);
     context.values.put(source, Album::PORT, album);
@@ -84,7 +86,7 @@ fn rendered(
     let sinks = sinks(context, stages, source, &input, &chain.shown(reader.info()), &others)?;
     let mut album = Album::wanted(context, stages, reader.info())?;
     let stream = Stream { job: context.job, reader, sampler: Some(sampler), album: album.as_mut() };
-    let (read, sinks) = stream.run(sinks)?;
+    let Streamed { read, sinks, filled } = stream.run(sinks)?;
     chain.check_length(input.name(), read.frames)?;
     let plan = chain.plan(models.as_ref());
     finish(context, sinks)?;
@@ -92,6 +94,7 @@ fn rendered(
     if let Some(plan) = plan {
         report_plan(context.summary, plan);
     }
+    context.summary.filled = filled;
     context.values.put(render, Album::PORT, album);
     Ok(())
 }
@@ -142,6 +145,15 @@ pub(crate) fn finish(context: &mut Context<'_, '_>, sinks: Vec<Sink>) -> Result<
     Ok(())
 }
 
+/// What a stream gives back.
+pub(crate) struct Streamed {
+    pub(crate) read: ReadReport,
+    /// Their files are whole but unfinished.
+    pub(crate) sinks: Vec<Sink>,
+    /// What was filled at the borders.
+    pub(crate) filled: Option<FillSummary>,
+}
+
 /// One stream from a decoder to its sinks.
 pub(crate) struct Stream<'v, 'j> {
     pub(crate) job: &'v Job<'j>,
@@ -151,8 +163,8 @@ pub(crate) struct Stream<'v, 'j> {
 }
 
 impl Stream<'_, '_> {
-    /// Runs the threads to their end, and gives back the sinks, whose files are whole but unfinished.
-    pub(crate) fn run(self, sinks: Vec<Sink>) -> Result<(ReadReport, Vec<Sink>), RunError> {
+    /// Runs the threads to their end.
+    pub(crate) fn run(self, sinks: Vec<Sink>) -> Result<Streamed, RunError> {
         let Self { job, reader, sampler, album } = self;
         let (to_work, decoded) = channel::bounded(QUEUE);
         std::thread::scope(|scope| {
@@ -169,8 +181,7 @@ impl Stream<'_, '_> {
             let read = decoder.join().map_err(|_| failed("decoder"))??;
             let encoded = encoders.into_iter().map(|e| e.join().map_err(|_| failed("encoder"))?);
             let sinks = encoded.collect::<Result<Vec<Sink>, RunError>>()?;
-            worked?;
-            Ok((read, sinks))
+            Ok(Streamed { read, sinks, filled: worked? })
         })
     }
 }
@@ -182,7 +193,7 @@ fn work(
     decoded: Receiver<Frame>,
     branches: &[Branch],
     mut album: Option<&mut Album>,
-) -> Result<(), RunError> {
+) -> Result<Option<FillSummary>, RunError> {
     let mut done = 0;
     let mut hand_out = |sampled: Sampled| {
         job.check_cancel()?;
@@ -196,6 +207,6 @@ fn work(
     };
     match sampler {
         Some(sampler) => sampler.run(job, decoded, hand_out),
-        None => decoded.iter().try_for_each(|frame| hand_out(Sampled::untouched(frame))),
+        None => decoded.iter().try_for_each(|frame| hand_out(Sampled::untouched(frame))).map(|()| None),
     }
 }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use super::sampling::Sampled;
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::FillSummary;
 use crate::stages::RenderSettings;
 use plumbline_image::Frame;
-use plumbline_image::render::{FillOptions, Filler, Renderer};
+use plumbline_image::render::{FillOptions, FillReport, Filler, Renderer};
 use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_media::FramePool;
 use plumbline_num::math::Homography;
@@ -19,6 +20,8 @@ pub(crate) struct Filling<'v> {
     filler: Filler,
     waiting: VecDeque<Lattice>,
     motion: &'v ClipMotion,
+    frames: usize,
+    summary: FillSummary,
 }
 
 impl<'v> Filling<'v> {
@@ -28,7 +31,13 @@ impl<'v> Filling<'v> {
             memory_bytes: settings.fill_memory.0.try_into().unwrap_or(usize::MAX),
             reach_frames: RenderSettings::FILL_WINDOW as usize / 2,
         };
-        Self { filler: Filler::new(options), waiting: VecDeque::new(), motion }
+        Self {
+            filler: Filler::new(options),
+            waiting: VecDeque::new(),
+            motion,
+            frames: 0,
+            summary: FillSummary::default(),
+        }
     }
 
     /// Takes the next frame of the source.
@@ -51,9 +60,29 @@ impl<'v> Filling<'v> {
         let mut result = pool.get()?;
         renderer.render(&frame, &lattice, &mut result).map_err(internal)?;
         let neighbor = |n| neighbor_from_this(self.motion, index, n);
-        self.filler.fill(renderer, &lattice, &mut result, neighbor, &Run::default()).map_err(internal)?;
+        let report = self.filler.fill(renderer, &lattice, &mut result, neighbor, &Run::default()).map_err(internal)?;
+        self.note(&report);
         Ok(Some(Sampled::new(frame, result)))
     }
+
+    fn note(&mut self, report: &FillReport) {
+        let FillReport { uncovered, left, .. } = *report;
+        self.frames += 1;
+        self.summary.mean += (uncovered - self.summary.mean) / self.frames as f64;
+        self.summary.mirrored_mean += (left - self.summary.mirrored_mean) / self.frames as f64;
+        self.summary.most = most(self.summary.most, (uncovered, self.frames - 1));
+        self.summary.mirrored_most = most(self.summary.mirrored_most, (left, self.frames - 1));
+    }
+
+    /// What was filled so far.
+    pub(crate) fn summary(&self) -> FillSummary {
+        self.summary
+    }
+}
+
+/// The greater of both, the earlier one where they are equal.
+fn most(before: (f64, usize), now: (f64, usize)) -> (f64, usize) {
+    if now.0 > before.0 { now } else { before }
 }
 
 /// Where the content of frame `this` is in frame `neighbor`: the motions between them, chained; `None` across a cut.

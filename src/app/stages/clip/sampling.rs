@@ -9,6 +9,7 @@ use super::filling::Filling;
 use super::stream::{QUEUE, hand_on};
 use crate::pipeline::job::Job;
 use crate::pipeline::run_error::RunError;
+use crate::pipeline::summary::FillSummary;
 use crate::pipeline::threads::start;
 use crate::stages::context::Context;
 use crate::stages::{Border, Interpolation, RenderSettings, WarpSettings};
@@ -98,13 +99,13 @@ impl<'v> Sampler<'v> {
         Ok(sampler)
     }
 
-    /// Hands every frame to `sink` in order: mapped on a thread of its own, rendered here.
+    /// Hands every frame to `sink` in order: mapped on a thread of its own, rendered here. Gives what was filled.
     pub(crate) fn run(
         self,
         job: &Job<'_>,
         frames: Receiver<Frame>,
         mut sink: impl FnMut(Sampled) -> Result<(), RunError>,
-    ) -> Result<(), RunError> {
+    ) -> Result<Option<FillSummary>, RunError> {
         let Self { mut maps, drawer, filling } = self;
         let (to_render, mapped) = channel::bounded::<(Frame, Lattice)>(QUEUE);
         std::thread::scope(|scope| {
@@ -116,12 +117,13 @@ impl<'v> Sampler<'v> {
                 })
             })?;
             let sampled = match filling {
-                Some(filling) => fill_all(&mapped, filling, &drawer, &mut sink),
-                None => render_all(&mapped, &drawer, &mut sink),
+                Some(filling) => fill_all(&mapped, filling, &drawer, &mut sink).map(Some),
+                None => render_all(&mapped, &drawer, &mut sink).map(|()| None),
             };
             drop(mapped);
             let mapped = mapper.join().map_err(|_| RunError::Internal("the mapper's thread failed".to_owned()))?;
-            sampled.and(mapped)
+            let filled = sampled?;
+            mapped.map(|()| filled)
         })
     }
 }
@@ -144,7 +146,7 @@ fn fill_all(
     mut filling: Filling<'_>,
     drawer: &Drawer,
     sink: &mut impl FnMut(Sampled) -> Result<(), RunError>,
-) -> Result<(), RunError> {
+) -> Result<FillSummary, RunError> {
     for (frame, lattice) in mapped {
         filling.push(frame, lattice);
         while let Some(sampled) = filling.pop(false, &drawer.renderer, &drawer.pool)? {
@@ -154,7 +156,7 @@ fn fill_all(
     while let Some(sampled) = filling.pop(true, &drawer.renderer, &drawer.pool)? {
         sink(sampled)?;
     }
-    Ok(())
+    Ok(filling.summary())
 }
 
 /// What makes a frame of one.

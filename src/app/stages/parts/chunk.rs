@@ -4,7 +4,7 @@ use std::io::Read;
 
 use super::{Chunks, PartName, made_before, read_motion};
 use crate::stages::clip::chain::Chain;
-use crate::stages::clip::encoding::Stream;
+use crate::stages::clip::encoding::{Stream, Streamed};
 use crate::stages::clip::sampling::Sampler;
 use crate::stages::clip::sink::Sink;
 use crate::stages::files::write_whole;
@@ -65,7 +65,7 @@ impl Stage for ChunkSettings {
         let path = PartName::Chunk(self.chunk).in_folder(&self.folder);
         let sink = Sink::of_part(&self.encode, context.job, &chain.shown(reader.info()), &path)?;
         let stream = Stream { job: context.job, reader, sampler: Some(sampler), album: None };
-        let (read, sinks) = stream.run(vec![sink])?;
+        let Streamed { read, sinks, .. } = stream.run(vec![sink])?;
         for sink in sinks {
             let (_, size, written) = sink.finish(context.job)?;
             let part = Output::parse(&path);
