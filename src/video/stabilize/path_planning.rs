@@ -178,7 +178,8 @@ impl<'a> Planner<'a> {
         let mut path = plan(&clip, &self.options.in_picture())?;
         let cameras = steadied(&views.cameras(&path), tracks, scene, &self.times_s, self.run)?;
         path.cameras = vec![None; cameras.len()];
-        let min_crop = self.options.keep_inside.then_some(self.options.keep);
+        let is_bounded = self.options.keep_inside || self.options.is_bounded_by_neighbors();
+        let min_crop = is_bounded.then_some(self.options.keep);
         for part in path.segments.clone() {
             if part.outcome == SegmentOutcome::Smoothed {
                 views.show(&mut path, &cameras, &part.frames, &clip, min_crop);

@@ -119,7 +119,7 @@ impl Views {
     }
 
     /// Gives the path of one shot its virtual cameras, and the windows that follow from their corrections: under a slow zoom
-    /// where those leave the frame and `min_crop` is given, so that no border may show.
+    /// where those leave the frame and what its neighbors show beside it and `min_crop` is given, so that no border may show.
     pub(in crate::stabilize) fn show(
         &self,
         path: &mut VirtualPath,
@@ -138,7 +138,13 @@ impl Views {
             || vec![1.0; windows.len()],
             |min_crop| {
                 let room = windows.iter().map(|w| 1.0 / (w.scale() * min_crop)).fold(MAX_ZOOM, f64::min);
-                covering_zoom(&windows, size, clip.period_s(shot), room.max(1.0))
+                covering_zoom(
+                    &windows,
+                    clip.beyond.get(shot.clone()).unwrap_or(&[]),
+                    size,
+                    clip.period_s(shot),
+                    room.max(1.0),
+                )
             },
         );
         for ((t, window), zoom) in shot.clone().zip(windows).zip(zoom) {
