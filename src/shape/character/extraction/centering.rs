@@ -22,7 +22,7 @@ use crate::character::CharacterError;
 use plumbline_num::run::Run;
 
 /// Smoothing width of the steps, in radii.
-pub(super) const STEP_SMOOTHING_RADII: f64 = 0.5;
+const STEP_SMOOTHING_RADII: f64 = 0.5;
 /// Smoothing width of the curve in each pass, in radii.
 const CURVE_SMOOTHING_RADII: f64 = 0.2;
 /// Largest step, as a fraction of the distance to the surface.
@@ -50,12 +50,12 @@ pub(super) fn radii(graph: &CurveGraph, tree: &AabbTree) -> Vec<f64> {
 }
 
 /// Distance of each node to its nearest surface point.
-pub(super) fn distances(graph: &CurveGraph, nearest: &[Option<Point3<f64>>]) -> Vec<f64> {
+fn distances(graph: &CurveGraph, nearest: &[Option<Point3<f64>>]) -> Vec<f64> {
     graph.nodes.iter().zip(nearest).map(|(c, p)| p.map_or(0.0, |p| nalgebra::distance(c, &p))).collect()
 }
 
 /// The surface point nearest to each node of a curve.
-pub(super) fn nearest(graph: &CurveGraph, tree: &AabbTree) -> Vec<Option<Point3<f64>>> {
+fn nearest(graph: &CurveGraph, tree: &AabbTree) -> Vec<Option<Point3<f64>>> {
     let mut all = vec![None; graph.nodes.len()];
     let mut last = None;
     for v in graph.alive() {
@@ -123,7 +123,7 @@ fn smooth(graph: &mut CurveGraph, alive: &[u32], radii: &[f64], share: f64, run:
 }
 
 /// Brings nodes outside a closed surface back inside.
-fn bring_nodes_in(graph: &mut CurveGraph, tree: &AabbTree) {
+pub(super) fn bring_nodes_in(graph: &mut CurveGraph, tree: &AabbTree) {
     for v in graph.alive().filter(|v| !graph.pinned[*v as usize]).collect::<Vec<_>>() {
         let position = graph.nodes[v as usize];
         if !tree.encloses(&position) {
@@ -240,7 +240,7 @@ impl Foot {
 }
 
 /// Direction of the curve at a node with two neighbors; zero at ends and junctions, whose steps are not projected.
-pub(super) fn tangent(graph: &CurveGraph, v: u32) -> Vector3<f64> {
+fn tangent(graph: &CurveGraph, v: u32) -> Vector3<f64> {
     match graph.neighbors(v) {
         [a, b] => (graph.nodes[*b as usize] - graph.nodes[*a as usize]).try_normalize(0.0).unwrap_or_default(),
         _ => Vector3::zeros(),

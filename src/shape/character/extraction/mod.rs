@@ -14,34 +14,32 @@
 //! | contraction, one sparse solve per iteration | `contraction.rs`, `normal_equations.rs` |
 //! | collapse to a graph; which loops may close | `surgery.rs`, `homology.rs` |
 //! | uniform node spacing | `resampling.rs` |
+//! | toward the medial axis, roughly | `centering.rs`, `fairing.rs` |
 //! | extend ends to the tips | `tips.rs` |
 //! | remove branches into corners and rims | `corner_branches.rs` |
 //! | prune insignificant branches | `pruning.rs` |
-//! | remove detours to tips that were none | `detours.rs` |
-//! | centering, smoothed in proportion to the local width | `centering.rs`, `fairing.rs` |
-//! | center on the axis of round limbs | `axis.rs` |
-//! | visibility from the surface | `sight.rs` |
-//! | smooth remaining sharp bends, thin crowded nodes | `bends.rs`, `resampling.rs` |
+//! | one energy: centered, smooth, inside | `curve_energy.rs` |
+//! | prune again; the energy again | |
+//! | edges that pass outside; thin crowded nodes | `centering.rs`, `resampling.rs` |
 //! | joints | `joints.rs` |
 //!
 //! The curve has as many loops as the surface has handles. Every vertex of the surface is assigned the node it contracted to. All iterations
-//! are bounded; an observer is called after every iteration and may stop the work. Results are independent of threads.
+//! are bounded; an observer is called after every iteration and may stop the work. Results are independent of threads. What each step changes on
+//! the shared models is in `docs/ABLATIONS.md`.
 //!
 //! # Reference
 //! O. K.-C. Au, C.-L. Tai, H.-K. Chu, D. Cohen-Or, T.-Y. Lee, *Skeleton extraction by mesh contraction*, SIGGRAPH 2008; A. Tagliasacchi, I.
 //! Alhashim, M. Olson, H. Zhang, *Mean curvature skeletons*, SGP 2012.
 
 mod aabb;
-mod axis;
-mod bends;
 mod budget;
 mod caps;
 mod centering;
 mod complex;
 mod contraction;
 mod corner_branches;
+mod curve_energy;
 mod curve_graph;
-mod detours;
 mod fairing;
 mod geodesic_extrema;
 mod homology;
@@ -55,7 +53,6 @@ mod pruning;
 mod reduction;
 mod resampling;
 mod sheet;
-mod sight;
 mod surgery;
 #[cfg(test)]
 mod tests;
@@ -63,12 +60,13 @@ mod tips;
 
 use std::ops::ControlFlow;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{CharacterError, CurveSkeleton, Skeleton};
 use crate::mesh::TriMesh;
 pub use joints::skeleton_of;
+use order::Cost;
 use parts::Parts;
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
@@ -302,11 +300,12 @@ fn count_features(curve: &CurveSkeleton, report: &mut ExtractionReport) {
     report.junctions = degree.iter().filter(|d| **d > 2).count();
 }
 
-/// Normalizing transform: the centroid of the area, and the radius of the sphere of equal area.
+/// Normalizing transform: the centroid of the area, the radius of the sphere of equal area, and axes that turn with the model.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
     center: Point3<f64>,
     scale: f64,
+    axes: Rotation3<f64>,
 }
 
 impl Frame {
@@ -320,7 +319,11 @@ impl Frame {
             area += own;
         }
         let scale = (area / (4.0 * std::f64::consts::PI)).sqrt();
-        (scale > 0.0 && scale.is_finite()).then(|| Self { center: first + sum / area, scale })
+        (scale > 0.0 && scale.is_finite()).then(|| {
+            let center = first + sum / area;
+            let axes = axes(&mesh.positions().iter().map(|p| (p - center) / scale));
+            Self { center, scale, axes }
+        })
     }
 
     fn normalized(&self, p: &Point3<f64>) -> Point3<f64> {
@@ -330,4 +333,17 @@ impl Frame {
     fn of_model(&self, p: &Point3<f64>) -> Point3<f64> {
         self.center + p.coords * self.scale
     }
+}
+
+/// Axes toward the point farthest from the center, and across to the point farthest from that axis. In single precision, so that a rotated
+/// model has the same farthest points; without extent any axes do.
+fn axes(all: &(impl Iterator<Item = Vector3<f64>> + Clone)) -> Rotation3<f64> {
+    let farthest = |part: &dyn Fn(Vector3<f64>) -> Vector3<f64>| {
+        let parts = all.clone().map(part).enumerate();
+        let best = parts.max_by_key(|(i, d)| (Cost::new(d.norm()), std::cmp::Reverse(*i)));
+        best.and_then(|(_, d)| d.try_normalize(0.0))
+    };
+    let Some(first) = farthest(&|d| d) else { return Rotation3::identity() };
+    let Some(second) = farthest(&|d| d - first * d.dot(&first)) else { return Rotation3::identity() };
+    Rotation3::from_basis_unchecked(&[first, second, first.cross(&second)])
 }

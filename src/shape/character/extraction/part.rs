@@ -5,7 +5,6 @@ use std::collections::VecDeque;
 use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
-use super::axis;
 use super::complex::Complex;
 use super::contraction::Contraction;
 use super::curve_graph::CurveGraph;
@@ -14,9 +13,7 @@ use super::homology::Classes;
 use super::medial::{Ball, balls};
 use super::parts::{self, Part};
 use super::{ContractionStep, ExtractionOptions, Frame, Keep, Observer, no_area};
-use super::{
-    bends, caps, centering, corner_branches, detours, pruning, reduction, resampling, sheet, sight, surgery, tips,
-};
+use super::{caps, centering, corner_branches, curve_energy, pruning, reduction, resampling, sheet, surgery, tips};
 use crate::character::{CharacterError, CurveSkeleton};
 use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::run::{Run, Stopped};
@@ -58,12 +55,14 @@ const MIN_TIP_DEPTH: f64 = 0.01;
 /// Node spacing, in radii of the sphere of equal area.
 const SPACING: f64 = 0.04;
 /// About the largest number of nodes of a curve; longer curves get a larger spacing. A horse has 300; a tube needs more where it is more
-/// than three thousand times as long as wide. Visibility takes the time of vertices times nodes, detours that of the square of nodes.
+/// than three thousand times as long as wide. Pruning takes the time of branches times nodes.
 const MAX_NODES: f64 = 2000.0;
 /// Largest radius of a medial ball: twice that of the sphere of equal area.
 const MAX_BALL_RADIUS: f64 = 2.0;
-/// Centering passes before and after pruning.
-const CENTERING_PASSES: [usize; 2] = [3, 6];
+/// Centering passes before the first pruning.
+const CENTERING_PASSES: usize = 3;
+/// Steps of the energy before and after the second pruning.
+const ENERGY_STEPS: [usize; 2] = [6, 16];
 /// Distance below which junctions merge, in local radii.
 const JUNCTION_MERGE_RADII: f64 = 0.5;
 
@@ -127,7 +126,6 @@ pub(super) fn extract(
         reduction::reduce(&mut complex, MAX_BALLS, &pinned, &|_| MIN_EDGE_SIZE, run)?;
     }
     let balls = balls_of(&complex, &normals, run)?;
-    let points: Vec<_> = complex.vertices().map(|v| complex.positions[v as usize]).collect();
     reduction::reduce(
         &mut complex,
         MAX_VERTICES,
@@ -162,7 +160,6 @@ pub(super) fn extract(
         fine: &fine,
         normals: &normals,
         balls: &balls,
-        points: &points,
         pinned: &pinned,
         run,
     };
@@ -225,8 +222,6 @@ struct Job<'a> {
     fine: &'a TriMesh,
     normals: &'a [Vector3<f64>],
     balls: &'a [Ball],
-    /// Surface points from which the curve should be visible.
-    points: &'a [Point3<f64>],
     pinned: &'a [bool],
     run: &'a Run,
 }
@@ -297,50 +292,51 @@ impl Job<'_> {
         position + (curve - position).try_normalize(0.0).unwrap_or_default() * MIN_TIP_DEPTH
     }
 
-    /// Postprocessing: resampled, pruned, centered, visible from the surface.
+    /// Postprocessing: pruned, and of least energy.
     fn finished(&self, graph: &CurveGraph, spacing: f64) -> Result<CurveGraph, CharacterError> {
-        let (tree, closed) = (&self.tree, self.closed);
         let mut graph = resampling::resample(graph, spacing);
-        centering::center(&mut graph, tree, closed, CENTERING_PASSES[0], self.run)?;
-        self.run.check()?;
-        tips::trim(&mut graph, tree, &|p| self.is_inside(p));
-        if closed {
-            tips::extend(&mut graph, tree);
-        }
+        centering::center(&mut graph, &self.tree, self.closed, CENTERING_PASSES, self.run)?;
+        graph = self.pruned(graph, spacing)?;
+        self.minimize(&mut graph, spacing, ENERGY_STEPS[0])?;
+        graph = self.pruned(graph, spacing)?;
+        self.minimize(&mut graph, spacing, ENERGY_STEPS[1])?;
+        tips::trim(&mut graph, &self.tree, &|p| self.is_inside(p));
         graph = resampling::resample(&graph, spacing);
-        self.remove_insignificant_branches(&mut graph)?;
-        graph = resampling::resample(&graph, spacing);
-        tips::extrapolate_ends(&mut graph, tree);
-        centering::center(&mut graph, tree, closed, CENTERING_PASSES[1], self.run)?;
-        self.run.check()?;
-        tips::trim(&mut graph, tree, &|p| self.is_inside(p));
-        tips::extrapolate_ends(&mut graph, tree);
-        axis::settle(&mut graph, tree, self.run)?;
-        graph = resampling::resample(&graph, spacing);
-        sight::draw(&mut graph, tree, self.points, self.run)?;
-        self.run.check()?;
-        if closed {
-            centering::keep_inside(&mut graph, tree);
+        if self.closed {
+            centering::keep_inside(&mut graph, &self.tree);
         }
         self.run.check()?;
-        bends::round_off(&mut graph, tree);
-        resampling::thin(&mut graph, tree, spacing);
+        resampling::thin(&mut graph, &self.tree, spacing);
         Ok(self.run.complete(graph)?)
     }
 
-    /// Removes branches that are no limbs, and detours.
-    fn remove_insignificant_branches(&self, graph: &mut CurveGraph) -> Result<(), Stopped> {
-        let (tree, prune) = (&self.tree, self.options.prune);
-        let radii = centering::radii(graph, tree);
-        corner_branches::remove_corner_clusters(graph, &radii);
-        pruning::prune(graph, tree, &radii, prune, self.run)?;
-        if corner_branches::remove_corner_clusters(graph, &radii) {
-            pruning::prune(graph, tree, &radii, prune, self.run)?;
+    /// Minimizes the energy of a curve whose ends are continued to the surface.
+    fn minimize(&self, graph: &mut CurveGraph, spacing: f64, steps: usize) -> Result<(), CharacterError> {
+        if self.closed {
+            centering::bring_nodes_in(graph, &self.tree);
+            tips::reach(graph, &self.tree, spacing);
         }
-        pruning::join_junctions(graph, &radii, JUNCTION_MERGE_RADII, self.run)?;
-        detours::cut(graph, tree, &radii, self.run)?;
-        corner_branches::remove_rim_hooks(graph, &radii);
-        self.run.check()
+        curve_energy::minimize(graph, &self.tree, &self.frame.axes, (steps, spacing), self.run)
+    }
+
+    /// The curve with its ends at the ends of the shape, without branches that are no limbs.
+    fn pruned(&self, mut graph: CurveGraph, spacing: f64) -> Result<CurveGraph, Stopped> {
+        let (tree, prune) = (&self.tree, self.options.prune);
+        self.run.check()?;
+        tips::trim(&mut graph, tree, &|p| self.is_inside(p));
+        if self.closed {
+            tips::extend(&mut graph, tree);
+        }
+        graph = resampling::resample(&graph, spacing);
+        let radii = centering::radii(&graph, tree);
+        corner_branches::remove_corner_clusters(&mut graph, &radii);
+        pruning::prune(&mut graph, tree, &radii, prune, self.run)?;
+        if corner_branches::remove_corner_clusters(&mut graph, &radii) {
+            pruning::prune(&mut graph, tree, &radii, prune, self.run)?;
+        }
+        pruning::join_junctions(&mut graph, &radii, JUNCTION_MERGE_RADII, self.run)?;
+        corner_branches::remove_rim_hooks(&mut graph, &radii);
+        self.run.complete(resampling::resample(&graph, spacing))
     }
 
     /// Inside test; everything is inside a surface without an inside.

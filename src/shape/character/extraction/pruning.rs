@@ -9,8 +9,8 @@
 //! `prune = 1` means that the end is inside a ball of the rest; folds of lips and corners of hooves extend slightly more, fingers and ears
 //! twice that. The edge of a slab is as wide as the slab, and a branch toward it extends by less. The ratio is dimensionless and equal
 //! for fingers and trunks. The branch with the smallest ratio goes first, since others may be less covered afterwards; its vertices go to
-//! the junction. Pinned ends stay, and so does a branch that continues at the bend of a hairpin: without the crown of a head the curve
-//! would run up the neck and back to the nose.
+//! the junction. Pinned ends stay, and so does a branch that continues at the bend of a hairpin, unless its end is inside (`b < w`):
+//! without the crown of a head the curve would run up the neck and back to the nose.
 //!
 //! Two junctions closer than a fraction of the larger radius merge, unless a loop would vanish.
 
@@ -56,7 +56,8 @@ pub(super) fn prune(
                 *widths.entry((junction, end)).or_insert_with(|| half_width(graph, tree, &branch, radii[end as usize]));
             let out = Cost::new(sticks_out(graph, &branch, radii).0 / width.max(f64::MIN_POSITIVE));
             left = left.saturating_sub(graph.nodes.len());
-            if out < Cost::new(prune) && !leaves_a_hairpin(graph, &branch, radii[junction as usize]) {
+            let is_inside = out < Cost::new(1.0);
+            if out < Cost::new(prune) && (is_inside || !leaves_a_hairpin(graph, &branch, radii[junction as usize])) {
                 covered.push((out, branch));
             }
         }

@@ -84,11 +84,3 @@ fn row(places: &[[f64; 3]]) -> curve_graph::CurveGraph {
     let edges: Vec<[u32; 2]> = (1..nodes.len() as u32).map(|k| [k - 1, k]).collect();
     curve_graph::CurveGraph::new(nodes, &edges, Vec::new())
 }
-
-/// The nodes of a loop in order.
-fn web_loop(curve: &CurveSkeleton) -> Vec<Point3<f64>> {
-    let graph = curve_graph::CurveGraph::new(curve.nodes.clone(), &curve.edges, Vec::new());
-    let branches = graph.branches();
-    let longest = branches.iter().max_by_key(|b| b.len()).unwrap();
-    longest[1..].iter().map(|v| graph.nodes[*v as usize]).collect()
-}

@@ -5,8 +5,7 @@
 //! each step the node is centered perpendicular to `d`, and `d` follows the path. The result ends at the center of the cap of a capsule, or
 //! at the tip of a cone.
 //!
-//! Conversely, end nodes whose balls are inside the ball of an earlier node are removed, and so are those outside. Within the last ball, where
-//! centering is undetermined, the branch is extrapolated from its bend before.
+//! Conversely, end nodes whose balls are inside the ball of an earlier node are removed, and so are those outside.
 
 use nalgebra::{Point3, Vector3};
 
@@ -30,6 +29,8 @@ const DIRECTION_UPDATE: f64 = 0.3;
 const MIN_BALL_RADIUS: f64 = 0.01;
 /// Enlargement of a ball in containment tests.
 const CONTAINMENT_FACTOR: f64 = 1.1;
+/// Part of the way to the surface, or of the radius where that is shorter, by which ends are continued: at 1 the last node has no chords.
+const MAX_REACH: f64 = 0.9;
 /// Smallest distance ahead, in radii: ignores bumps.
 const MIN_CLEARANCE_RADII: f64 = 1.1;
 
@@ -98,48 +99,16 @@ pub(super) fn extend(graph: &mut CurveGraph, tree: &AabbTree) {
     }
 }
 
-/// Extrapolates the last radius of every branch from the bend of the two radii before: in the ball at the end of a limb all points are about
-/// equally far from the surface, and facets would decide. If the balls would become smaller, the branch is unchanged.
-pub(super) fn extrapolate_ends(graph: &mut CurveGraph, tree: &AabbTree) {
+/// Continues every end straight to the surface, at most by its radius: the energy bends this part, not the end of the limb.
+pub(super) fn reach(graph: &mut CurveGraph, tree: &AabbTree, spacing: f64) {
     for end in graph.free_ends() {
-        let reach = DIRECTION_RADII * radius(tree, &graph.nodes[end as usize]);
-        let row = graph.row_back(end, 3.0 * reach);
-        let far = |k: f64| row.iter().position(|v| graph.length(end, *v) >= k * reach);
-        let [Some(base), Some(middle), Some(from)] = [1.0, 2.0, 3.0].map(far) else { continue };
-        if base == middle || middle == from {
-            continue;
-        }
-        let bend = Parabola::through([from, middle, base].map(|i| graph.nodes[row[i] as usize]));
-        let positions: Vec<Point3<f64>> = row[..base].iter().map(|v| bend.at(graph.length(row[base], *v))).collect();
-        let stays_wide = |(v, position): (&u32, &Point3<f64>)| {
-            let before = graph.nodes[*v as usize];
-            !tree.is_hit(&before, &(position - before), 1.0)
-                && CONTAINMENT_FACTOR * radius(tree, position) >= radius(tree, &before)
-        };
-        if row.iter().zip(&positions).all(stays_wide) {
-            row.iter().zip(positions).for_each(|(v, position)| graph.nodes[*v as usize] = position);
-        }
-    }
-}
-
-/// A quadratic curve parametrized by chord length from its last point.
-struct Parabola {
-    last: Point3<f64>,
-    slope: Vector3<f64>,
-    bend: Vector3<f64>,
-}
-
-impl Parabola {
-    /// Through three points at different lengths (Newton's divided differences).
-    fn through([a, b, c]: [Point3<f64>; 3]) -> Self {
-        let (before, after) = (nalgebra::distance(&a, &b), nalgebra::distance(&b, &c));
-        let [first, second] = [(b - a) / before, (c - b) / after];
-        let bend = (second - first) / (before + after);
-        Self { last: c, slope: second + bend * after, bend }
-    }
-
-    fn at(&self, length: f64) -> Point3<f64> {
-        self.last + (self.slope + self.bend * length) * length
+        let Some(along) = direction(graph, tree, end) else { continue };
+        let start = graph.nodes[end as usize];
+        let Some(ahead) = tree.first_hit(&start, &along) else { continue };
+        let length = MAX_REACH * ahead.min(radius(tree, &start));
+        let parts = (length / spacing).ceil().max(2.0);
+        let place = |k: usize| start + along * (length * k as f64 / parts);
+        (1..=parts as usize).fold(end, |last, k| graph.append(last, place(k)));
     }
 }
 

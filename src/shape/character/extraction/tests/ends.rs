@@ -139,18 +139,3 @@ fn wandering_within_the_last_ball_is_trimmed() {
     let end = graph.alive().map(|v| graph.nodes[v as usize].x).fold(0.0, f64::max);
     assert!((9.8..=10.0).contains(&end), "the curve ends at {end}");
 }
-
-#[test]
-fn the_last_radius_continues_the_bend_and_stays_where_that_is_narrow() {
-    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
-    let mut graph = row(&[[0.0, 0.0, 0.0], [9.2, 0.0, 0.0], [10.0, 0.1, 0.0]]);
-    tips::extrapolate_ends(&mut graph, &tree);
-    let off = graph.alive().map(|v| graph.nodes[v as usize].y.abs()).fold(0.0, f64::max);
-    assert!(off < 0.03, "{off} off the axis");
-    // A straight continuation would lead to the wall.
-    let mut graph = row(&[[0.0, 0.0, 0.0], [7.0, -0.6, 0.0], [8.5, 0.3, 0.0], [9.3, 0.0, 0.0]]);
-    let before: Vec<Point3<f64>> = graph.nodes.clone();
-    tips::extrapolate_ends(&mut graph, &tree);
-    assert!(graph.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
-}

@@ -1,4 +1,4 @@
-//! Laws of the steps: pruning, centering, visibility, detours, bends, resampling.
+//! Laws of the steps: pruning, centering, the energy of the curve, resampling.
 
 use super::*;
 
@@ -35,16 +35,6 @@ fn smoothing_preserves_constants_and_sums_and_reaches_farther_where_the_shape_is
         one[5].x
     };
     assert!(spread(0.05) > 0.5 && spread(1.0) < 0.2, "{} {}", spread(0.05), spread(1.0));
-}
-
-#[test]
-fn a_visible_curve_does_not_move() {
-    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
-    let mut graph = comb(0.0, 10.0, 0.3);
-    let before = graph.nodes.clone();
-    sight::draw(&mut graph, &tree, mesh.positions(), &Run::default()).unwrap();
-    assert!(graph.nodes.iter().zip(&before).all(|(p, q)| nalgebra::distance(p, q) < 1e-9));
 }
 
 #[test]
@@ -95,77 +85,6 @@ fn centering_converges() {
 }
 
 #[test]
-fn detours_are_removed_and_a_bent_limb_is_kept() {
-    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
-    let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
-    let radii = centering::radii(&graph, &tree);
-    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
-    assert!(graph.alive().all(|v| graph.nodes[v as usize].y < 0.1), "the detour is left");
-    assert!((graph.branches().iter().map(|b| graph.branch_length(b)).sum::<f64>() - 10.0).abs() < 0.05);
-    let bent = capsule(10.0, |s| {
-        let a: f64 = s / 2.0;
-        (Point3::new(2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0), Vector3::new(a.cos(), a.sin(), 0.0))
-    });
-    let tree = aabb::AabbTree::new(bent.positions(), bent.triangles(), &Run::default());
-    let axis: Vec<[f64; 3]> = (0..=100)
-        .map(|k| {
-            let a = 0.05 * f64::from(k);
-            [2.0 * a.sin(), 2.0 * (1.0 - a.cos()), 0.0]
-        })
-        .collect();
-    let mut graph = row(&axis);
-    let before = graph.alive().count();
-    let radii = centering::radii(&graph, &tree);
-    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
-    assert_eq!(graph.alive().count(), before);
-}
-
-#[test]
-fn detours_to_pinned_nodes_are_kept() {
-    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
-    let mut graph = row(&[[0.0, 0.0, 0.0], [4.9, 0.0, 0.0], [5.0, 0.8, 0.0], [5.1, 0.0, 0.0], [10.0, 0.0, 0.0]]);
-    let top = graph.alive().max_by(|a, b| graph.nodes[*a as usize].y.total_cmp(&graph.nodes[*b as usize].y)).unwrap();
-    graph.pinned[top as usize] = true;
-    let radii = centering::radii(&graph, &tree);
-    detours::cut(&mut graph, &tree, &radii, &Run::default()).expect("a run that never stops");
-    assert!(graph.is_alive(top) && graph.nodes[top as usize].y == 0.8);
-}
-
-#[test]
-fn sharp_bends_are_smoothed_as_far_as_the_surface_allows() {
-    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
-    let nodes: Vec<_> = (0..=50).map(|k| Point3::new(0.2 * f64::from(k), 0.3 * f64::from(k % 2), 0.0)).collect();
-    let edges: Vec<[u32; 2]> = (1..=50).map(|k| [k - 1, k]).collect();
-    let mut graph = curve_graph::CurveGraph::new(nodes, &edges, Vec::new());
-    bends::round_off(&mut graph, &tree);
-    for k in 2..49 {
-        let [p, c, q] = [k - 1, k, k + 1].map(|v: usize| graph.nodes[v]);
-        assert!((c - p).angle(&(q - c)) < 0.9, "a sharp bend at {c}");
-    }
-    // A square around the hole of a ring cannot move its corners halfway.
-    let ring = shapes::holed_torus(1, 24);
-    let tree = aabb::AabbTree::new(ring.positions(), ring.triangles(), &Run::default());
-    let (curve, _) = curve_of(&ring);
-    let few: Vec<_> = web_loop(&curve).into_iter().step_by(curve.nodes.len().div_ceil(6)).collect();
-    let n = few.len() as u32;
-    let edges: Vec<[u32; 2]> = (0..n).map(|k| [k, (k + 1) % n]).collect();
-    let mut graph = curve_graph::CurveGraph::new(few, &edges, Vec::new());
-    let crosses = |graph: &curve_graph::CurveGraph| {
-        let hit = |&[a, b]: &&[u32; 2]| {
-            let (p, q) = (graph.nodes[*a as usize], graph.nodes[*b as usize]);
-            tree.is_hit(&p, &(q - p), 1.0)
-        };
-        edges.iter().filter(hit).count()
-    };
-    assert_eq!(crosses(&graph), 0, "too few nodes for this test");
-    bends::round_off(&mut graph, &tree);
-    assert_eq!(crosses(&graph), 0);
-}
-
-#[test]
 fn redundant_nodes_are_removed_unless_they_lead_around_the_outside() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
@@ -190,19 +109,18 @@ fn redundant_nodes_are_removed_unless_they_lead_around_the_outside() {
 }
 
 #[test]
-fn round_limbs_are_centered_on_their_axis_and_flat_ones_unchanged() {
-    let iteration = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
-    let flat = moved(&iteration, |p| Point3::new(p.x, p.y, 0.5 * p.z));
-    for (mesh, is_round) in [(&iteration, true), (&flat, false)] {
-        let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
-        let mut graph = row(&[[0.0, 0.05, -0.03], [10.0, 0.05, -0.03]]);
-        graph.pinned[100] = true;
-        let pinned = graph.nodes[100];
-        axis::settle(&mut graph, &tree, &Run::default()).unwrap();
-        assert_eq!(graph.nodes[100], pinned, "what is pinned stays");
-        for v in (40..=160).filter(|v| !(90..=110).contains(v)) {
-            let off = graph.nodes[v].y.hypot(graph.nodes[v].z);
-            assert!(if is_round { off < 0.005 } else { (off - 0.05_f64.hypot(0.03)).abs() < 1e-12 }, "{v}: {off}");
-        }
+fn zigzags_are_straightened_and_nodes_stay_inside() {
+    let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
+    let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
+    let nodes: Vec<_> = (0..=50).map(|k| Point3::new(0.2 * f64::from(k), 0.9 * f64::from(k % 2), 0.0)).collect();
+    let edges: Vec<[u32; 2]> = (1..=50).map(|k| [k - 1, k]).collect();
+    let mut graph = curve_graph::CurveGraph::new(nodes, &edges, Vec::new());
+    for _ in 0..20 {
+        curve_energy::minimize(&mut graph, &tree, &Rotation3::identity(), (1, 0.2), &Run::default()).unwrap();
+        assert!(graph.nodes.iter().all(|p| tree.encloses(p)));
+    }
+    for k in 2..49 {
+        let [p, c, q] = [k - 1, k, k + 1].map(|v: usize| graph.nodes[v]);
+        assert!((c - p).angle(&(q - c)) < 0.01, "a bend at {c}");
     }
 }
