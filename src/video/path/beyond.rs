@@ -225,8 +225,9 @@ mod tests {
         };
         let motion: Vec<_> = (0..60).map(step).collect();
         let times_s: Vec<f64> = (0..60).map(|t| f64::from(t) / 30.0).collect();
-        let shots = [0..60];
-        let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: &shots, beyond: &[] };
+        let shot = 0..60;
+        let shots = std::slice::from_ref(&shot);
+        let clip = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots, beyond: &[] };
         let options = BeyondOptions { reach_frames, ..BeyondOptions::default() };
         shown_beyond(&clip, objects, &options, &Run::default()).expect("not interrupted")
     }
@@ -280,8 +281,9 @@ mod tests {
             })
             .collect();
         let times_s: Vec<f64> = (0..200).map(|t| f64::from(t) / 30.0).collect();
-        let shots = [0..200];
-        let inside = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots: &shots, beyond: &[] };
+        let shot = 0..200;
+        let shots = std::slice::from_ref(&shot);
+        let inside = Clip { width: 640, height: 360, times_s: &times_s, motion: &motion, shots, beyond: &[] };
         // Objects beside the right side, in the second half.
         let object = MovingObject { at: Point2::new(600.0, 180.0), speed: 40.0 };
         let objects: Vec<_> = (0..200).map(|t| if t < 100 { Vec::new() } else { vec![object] }).collect();

@@ -200,7 +200,7 @@ pub struct SmoothingOptions {
     pub path_file: Option<PathBuf>,
     /// The picture may not show anything outside the source; false where the renderer fills its borders
     pub keep_inside: bool,
-    /// What lies outside is filled from neighboring frames: show no more of it than they do, and nothing where something moves on its own (that
+    /// What is outside is filled from neighboring frames: show no more of it than they do, and nothing where something moves on its own (that
     /// is known by the tracks)
     pub filled: bool,
 }
