@@ -66,6 +66,13 @@ impl Default for BeyondOptions {
     }
 }
 
+impl BeyondOptions {
+    /// Speed from which an object counts in the farthest neighbor of a frame `width` px wide, px per frame: slower ones need not be named.
+    pub fn min_speed(&self, width: u32) -> f64 {
+        OBJECT_RADIUS * f64::from(width) / self.reach_frames.max(1) as f64
+    }
+}
+
 /// How far beyond each side of every frame its neighbors show the scene. `objects` has, per frame, what moves on its own; it is empty where
 /// that is not known.
 ///

@@ -24,13 +24,14 @@ const OVERLAY_NOISE_PX: f64 = 0.5;
 const LEARNING: f64 = 0.15;
 
 /// Per frame, the cells in which points move against the background, with the median of their speeds, and the points of captions and logos, which
-/// are elsewhere in any other frame: their speed is infinite.
+/// are elsewhere in any other frame: their speed is infinite. Those slower than `min_speed`, px per frame, are left out: most cells of a clip are.
 ///
 /// # Errors
 /// [`StabilizeError::Store`], [`StabilizeError::Interrupted`].
 pub(super) fn moving_objects(
     motion: &ClipMotion,
     tracks: &Tracks,
+    min_speed: f64,
     run: &Run,
 ) -> Result<Vec<Vec<MovingObject>>, StabilizeError> {
     let mut velocities = Velocities::default();
@@ -38,7 +39,10 @@ pub(super) fn moving_objects(
         run.check()?;
         let seen = tracks.store.read(t)?.observations;
         velocities.push(&seen, motion.frames.get(t).map_or(Homography::identity(), |frame| frame.homography));
-        Ok(velocities.objects((tracks.width, tracks.height)))
+        let mut objects = velocities.objects((tracks.width, tracks.height));
+        objects.retain(|object| object.speed > min_speed);
+        objects.shrink_to_fit();
+        Ok(objects)
     };
     (0..tracks.store.frames()).map(frame).collect()
 }

@@ -71,8 +71,10 @@ impl<'a> Planner<'a> {
         let steps = motion.frames.iter().map(inter_frame).collect();
         let mut planner = Self { motion, options, run, times_s, steps, beyond: Vec::new() };
         if options.is_bounded_by_neighbors() {
-            let objects = tracks.map(|tracks| moving_objects(motion, tracks, run)).transpose()?.unwrap_or_default();
             let limits = BeyondOptions { limit: 0.5 * (1.0 - options.keep), ..BeyondOptions::default() };
+            let min_speed = limits.min_speed(motion.width);
+            let objects = tracks.map(|tracks| moving_objects(motion, tracks, min_speed, run)).transpose()?;
+            let objects = objects.unwrap_or_default();
             planner.beyond = path::shown_beyond(&planner.clip(&planner.steps), &objects, &limits, run)?;
         }
         Ok(planner)
