@@ -134,8 +134,8 @@ impl fmt::Display for FillSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { mean, most, mirrored_mean, mirrored_most } = self;
         write!(f, "{:.1} % of the picture filled, at most {:.1} % (frame {})", 100.0 * mean, 100.0 * most.0, most.1)?;
-        let (mirrored, least, frame) = (100.0 * mirrored_mean, 100.0 * mirrored_most.0, mirrored_most.1);
-        write!(f, "; mirrored {mirrored:.2} %, at most {least:.1} % (frame {frame})")
+        let (mirrored, greatest, frame) = (100.0 * mirrored_mean, 100.0 * mirrored_most.0, mirrored_most.1);
+        write!(f, "; mirrored {mirrored:.2} %, at most {greatest:.1} % (frame {frame})")
     }
 }
 

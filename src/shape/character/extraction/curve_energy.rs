@@ -41,7 +41,7 @@ const TOLERANCE: f64 = 0.005;
 const DAMPING: f64 = 0.002;
 /// Damping of ends along the curve; the same from 1 to 1000.
 const END_DAMPING: f64 = 10.0;
-/// Weight of a pinned node.
+/// Weight of a pinned node: far above the others, of order one. Its own offset bends the curve beside it over some three radii.
 const PINNED: f64 = 1e9;
 /// Lower bound of lengths, in node spacings: bounds the weights.
 const MIN_LENGTH: f64 = 0.1;

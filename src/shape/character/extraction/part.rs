@@ -61,7 +61,7 @@ const MAX_NODES: f64 = 2000.0;
 const MAX_BALL_RADIUS: f64 = 2.0;
 /// Centering passes before the first pruning.
 const CENTERING_PASSES: usize = 3;
-/// Steps of the energy before and after the second pruning.
+/// Steps of the energy before and after the second pruning, at most: bounds of time, not ablated.
 const ENERGY_STEPS: [usize; 2] = [6, 16];
 /// Distance below which junctions merge, in local radii.
 const JUNCTION_MERGE_RADII: f64 = 0.5;
