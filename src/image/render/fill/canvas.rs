@@ -64,7 +64,10 @@ impl Canvas {
 
     /// Share of the frame that the layers so far do not cover.
     pub(super) fn left(&self, strip: &Strip) -> f64 {
-        let open = self.planes[0].rest.iter().filter(|&&rest| rest > 0.5).count();
+        let luma = &self.planes[0];
+        // In its feather the frame itself is shown.
+        let is_open = |(rest, margin): &(&f32, &f32)| **rest > 0.5 && **margin <= 0.0;
+        let open = luma.rest.iter().zip(&luma.own.margin).filter(is_open).count();
         open as f64 / (strip.size.0 * strip.size.1) as f64
     }
 
