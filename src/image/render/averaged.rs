@@ -25,6 +25,7 @@ use rayon::prelude::*;
 
 use super::kernel::{MAX_PAIR_PX, PHASES, pair_rows};
 use super::plane::Job;
+use super::scan::Cells;
 use super::source::{Pairs, Sample, Source};
 use super::{RenderError, Renderer};
 use crate::Frame;
@@ -172,6 +173,7 @@ impl Spreads {
 
 /// Memory for a row of samples.
 pub(super) struct Scratch<S> {
+    pub(super) cells: Cells,
     /// Source positions, units of 1/256 px.
     pub(super) xs: Vec<i32>,
     pub(super) ys: Vec<i32>,
@@ -187,6 +189,7 @@ impl<S: Sample> Scratch<S> {
     /// For so many px and planes.
     pub(super) fn new(width: usize, planes: usize) -> Self {
         Self {
+            cells: Cells::default(),
             xs: vec![0; width],
             ys: vec![0; width],
             across: vec![0; width],

@@ -20,7 +20,7 @@ use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
 
 use super::kernel::{PHASE_BITS, Table, UNIT, taps};
-use super::scan::Siting;
+use super::scan::{Cells, Siting};
 use super::source::{Sample, Source, Taps};
 use crate::warp::Lattice;
 
@@ -414,6 +414,12 @@ impl<S: Pairs> Kernels for S {
 /// # Safety
 /// AVX2.
 #[target_feature(enable = "avx2")]
-pub(super) unsafe fn positions(siting: &Siting, lattice: &Lattice, j: usize, xs: &mut [i32], ys: &mut [i32]) {
-    siting.positions(lattice, j, xs, ys);
+pub(super) unsafe fn positions(
+    siting: &Siting,
+    lattice: &Lattice,
+    j: usize,
+    cells: &mut Cells,
+    (xs, ys): (&mut [i32], &mut [i32]),
+) {
+    siting.positions(lattice, j, cells, (xs, ys));
 }

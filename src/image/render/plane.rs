@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::Renderer;
 use super::averaged::{Scratch, Spreads};
 use super::kernel::{Interpolation, Table, table};
-use super::scan::Siting;
+use super::scan::{Cells, Siting};
 use super::source::{Pairs, Source};
 use crate::PlaneMut;
 use crate::warp::Lattice;
@@ -103,8 +103,8 @@ impl Job<'_> {
 
     fn row<S: Kernels>(&self, sources: &[Source<'_, S>], j: usize, scratch: &mut Scratch<S>, outs: &mut [&mut [S]]) {
         let Renderer { instructions, tables, .. } = self.renderer;
-        let Scratch { xs, ys, .. } = scratch;
-        instructions.positions(&self.siting, self.lattice, j, xs, ys);
+        let Scratch { cells, xs, ys, .. } = scratch;
+        instructions.positions(&self.siting, self.lattice, j, cells, (xs, ys));
         match self.spreads.filter(|spreads| spreads.any_in(self.lattice, j)) {
             Some(spreads) => spreads.row(self, sources, j, scratch, outs),
             None => instructions.sample(tables, sources, (xs, ys), outs),
@@ -114,13 +114,13 @@ impl Job<'_> {
 
 impl InstructionSet {
     /// [`Siting::positions`].
-    fn positions(self, siting: &Siting, lattice: &Lattice, j: usize, xs: &mut [i32], ys: &mut [i32]) {
+    fn positions(self, siting: &Siting, lattice: &Lattice, j: usize, cells: &mut Cells, at: (&mut [i32], &mut [i32])) {
         match self {
-            Self::Portable => siting.positions(lattice, j, xs, ys),
+            Self::Portable => siting.positions(lattice, j, cells, at),
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // a call into `avx2`, whose only condition is the processor
             // SAFETY: `InstructionSet::Avx2` is made only where the processor has AVX2.
-            Self::Avx2 => unsafe { avx2::positions(siting, lattice, j, xs, ys) },
+            Self::Avx2 => unsafe { avx2::positions(siting, lattice, j, cells, at) },
         }
     }
 

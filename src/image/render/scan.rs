@@ -17,6 +17,8 @@ use crate::{ColorDescription, PixelFormat};
 
 /// Fractional bits while positions are advanced. An error of one unit per step grows to 5e-4 px over a cell of 32 px.
 const FRACTION_BITS: u32 = 16;
+/// Bits that a stored position has less.
+const DROPPED_BITS: u32 = FRACTION_BITS - PHASE_BITS;
 /// Offsets are clamped to this, px, so that positions fit an `i32` with [`FRACTION_BITS`].
 const MAX_OFFSET_PX: f32 = 16_000.0;
 /// Largest width and height that fit beside [`MAX_OFFSET_PX`].
@@ -47,33 +49,97 @@ impl Siting {
     }
 
     /// Writes the source positions of row `j` in units of 1/256 px of the plane, 0 at the center of its first sample.
-    #[inline(always)] // so that it is compiled again for AVX2
+    #[inline(always)] // so that it is compiled again for AVX2; closures would not be, hence loops
     #[allow(clippy::inline_always)]
-    pub(super) fn positions(&self, lattice: &Lattice, j: usize, xs: &mut [i32], ys: &mut [i32]) {
+    pub(super) fn positions(&self, lattice: &Lattice, j: usize, cells: &mut Cells, at: (&mut [i32], &mut [i32])) {
         let step = lattice.step() as f32;
         let y = ((j << self.log2.1) as f32 + 0.5 + self.offset.1) / step;
         let l = (y as usize).min(lattice.points().1 - 2);
-        let t = y - l as f32;
-        let at = |u: &[f32; 2], v: &[f32; 2]| [u[0] + (v[0] - u[0]) * t, u[1] + (v[1] - u[1]) * t];
-        let mut ends = lattice.row(l).iter().zip(lattice.row(l + 1)).map(|(u, v)| at(u, v));
+        cells.set_ends((lattice.row(l), lattice.row(l + 1)), y - l as f32);
         let per_cell = lattice.step() >> self.log2.0;
         let phase = (0.5 + self.offset.0) / step;
-        let ratio = 1.0 / per_cell as f32;
-        let (unit_x, unit_y) = (unit(self.log2.0), unit(self.log2.1));
-        let mut left = ends.next().unwrap_or_default();
-        let cells = xs.chunks_mut(per_cell).zip(ys.chunks_mut(per_cell)).zip(ends);
-        for (k, ((xs, ys), right)) in cells.enumerate() {
-            let slope = [right[0] - left[0], right[1] - left[1]];
-            let x = Line::new(left[0], slope[0], phase, ratio, unit_x);
-            let y = Line::new(left[1], slope[1], phase, ratio, unit_y);
-            if slope[0].is_finite() && slope[1].is_finite() {
-                x.write(xs, (k * per_cell) as i32, 1);
-                y.write(ys, j as i32, 0);
-            } else {
-                xs.fill(NOWHERE);
-                ys.fill(NOWHERE);
+        // The index is that of the sample along x, and everywhere that of the row along y.
+        cells.set_lines(0, phase, per_cell, unit(self.log2.0), (0, 1));
+        cells.write(per_cell, at.0);
+        cells.set_lines(1, phase, per_cell, unit(self.log2.1), (j as i32, 0));
+        cells.write(per_cell, at.1);
+    }
+}
+
+/// What [`Siting::positions`] keeps of a row of cells: loops over arrays of one kind of number each become vector code.
+#[derive(Debug, Default)]
+pub(super) struct Cells {
+    /// Offsets between the cells, luma px, along x and along y.
+    ends: [Vec<f32>; 2],
+    /// Some of them are not defined.
+    undefined: bool,
+    /// The [`Line`] of each cell, along one axis.
+    starts: Vec<i32>,
+    advances: Vec<i32>,
+}
+
+#[allow(clippy::inline_always)] // see `positions`
+impl Cells {
+    /// Offsets in the fraction `t` of the way from one row of lattice points to the next.
+    #[inline(always)]
+    fn set_ends(&mut self, (above, below): (&[[f32; 2]], &[[f32; 2]]), t: f32) {
+        let mut undefined = false;
+        for (axis, ends) in self.ends.iter_mut().enumerate() {
+            ends.resize(above.len(), 0.0);
+            for (end, (u, v)) in ends.iter_mut().zip(above.iter().zip(below)) {
+                *end = u[axis] + (v[axis] - u[axis]) * t;
+                undefined |= !end.is_finite();
             }
-            left = right;
+        }
+        self.undefined = undefined;
+    }
+
+    /// The lines along an axis of cells of `per_cell` samples, whose indices start at `first` and are `own` apart.
+    #[inline(always)]
+    fn set_lines(&mut self, axis: usize, phase: f32, per_cell: usize, unit: f32, (first, own): (i32, i32)) {
+        let (ends, ratio) = (&self.ends[axis], 1.0 / per_cell as f32);
+        self.starts.resize(ends.len() - 1, 0);
+        self.advances.resize(ends.len() - 1, 0);
+        let mut index = first;
+        for ((start, advance), (left, right)) in
+            self.starts.iter_mut().zip(&mut self.advances).zip(ends.iter().zip(&ends[1..]))
+        {
+            let line = Line::new(*left, right - left, phase, ratio, unit).plus(index, own);
+            (*start, *advance) = (line.start, line.advance);
+            index += own * per_cell as i32;
+        }
+        if self.undefined {
+            let [x, y] = &self.ends;
+            for (k, (x, y)) in x.windows(2).zip(y.windows(2)).enumerate() {
+                if !((x[1] - x[0]).is_finite() && (y[1] - y[0]).is_finite()) {
+                    (self.starts[k], self.advances[k]) = (Line::NOWHERE.start, Line::NOWHERE.advance);
+                }
+            }
+        }
+    }
+
+    /// Positions of cells of `per_cell` samples, a power of two up to the largest step of a lattice.
+    #[inline(always)]
+    fn write(&self, per_cell: usize, out: &mut [i32]) {
+        match per_cell {
+            1 => self.write_by::<1>(out),
+            2 => self.write_by::<2>(out),
+            4 => self.write_by::<4>(out),
+            8 => self.write_by::<8>(out),
+            16 => self.write_by::<16>(out),
+            _ => self.write_by::<32>(out),
+        }
+    }
+
+    /// Positions of cells of `N` samples; the row may end within the last.
+    #[inline(always)]
+    fn write_by<const N: usize>(&self, out: &mut [i32]) {
+        let (whole, rest) = out.as_chunks_mut::<N>();
+        for (cell, (&start, &advance)) in whole.iter_mut().zip(self.starts.iter().zip(&self.advances)) {
+            Line { start, advance }.write(cell);
+        }
+        if let (Some(&start), Some(&advance)) = (self.starts.get(whole.len()), self.advances.get(whole.len())) {
+            Line { start, advance }.write(rest);
         }
     }
 }
@@ -83,7 +149,8 @@ pub(super) fn unit(log2: u32) -> f32 {
     (1 << (FRACTION_BITS - log2)) as f32
 }
 
-/// An offset along the samples of a cell, in fixed point.
+/// Positions along the samples of a cell, in fixed point that wraps.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
     start: i32,
     advance: i32,
@@ -91,8 +158,11 @@ pub(super) struct Line {
 
 #[allow(clippy::inline_always)] // see `positions`
 impl Line {
-    /// From the offset at the left end of a cell and its change over the cell, luma px. The first sample stands `phase`
-    /// of the cell behind the left end, samples are `ratio` of the cell apart.
+    /// All samples at [`NOWHERE`].
+    const NOWHERE: Self = Self { start: NOWHERE << DROPPED_BITS, advance: 0 };
+
+    /// The offset at the left end of a cell and its change over the cell, luma px. The first sample stands `phase` of the
+    /// cell behind the left end, samples are `ratio` of the cell apart.
     #[inline(always)]
     pub(super) fn new(left: f32, slope: f32, phase: f32, ratio: f32, unit: f32) -> Self {
         let start = (left + slope * phase).clamp(-MAX_OFFSET_PX, MAX_OFFSET_PX) * unit;
@@ -100,33 +170,21 @@ impl Line {
         Self { start: start as i32, advance: advance as i32 }
     }
 
-    /// Positions of samples from index `first` on, `own` indices apart.
+    /// Offsets from samples with indices from `first` on, `own` apart.
     #[inline(always)]
-    pub(super) fn write(&self, out: &mut [i32], first: i32, own: i32) {
-        const DROPPED: u32 = FRACTION_BITS - PHASE_BITS;
-        let advance = self.advance.wrapping_add(own << FRACTION_BITS);
-        let mut at = (first << FRACTION_BITS).wrapping_add(self.start).wrapping_add(1 << (DROPPED - 1));
-        // Eight or four at a time: the inner loop is one vector addition, one shift and one store.
-        let (eights, rest) = out.as_chunks_mut::<8>();
-        if !eights.is_empty() {
-            let lanes = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| advance.wrapping_mul(k));
-            for eight in eights {
-                for (position, lane) in eight.iter_mut().zip(lanes) {
-                    *position = at.wrapping_add(lane) >> DROPPED;
-                }
-                at = at.wrapping_add(advance.wrapping_mul(8));
-            }
+    pub(super) fn plus(self, first: i32, own: i32) -> Self {
+        Self {
+            start: (first << FRACTION_BITS).wrapping_add(self.start),
+            advance: (own << FRACTION_BITS).wrapping_add(self.advance),
         }
-        let (fours, rest) = rest.as_chunks_mut::<4>();
-        for four in fours {
-            for (position, k) in four.iter_mut().zip(0_i32..) {
-                *position = at.wrapping_add(advance.wrapping_mul(k)) >> DROPPED;
-            }
-            at = at.wrapping_add(advance.wrapping_mul(4));
-        }
-        for position in rest {
-            *position = at >> DROPPED;
-            at = at.wrapping_add(advance);
+    }
+
+    /// Writes the positions of samples from the first on, rounded.
+    #[inline(always)]
+    pub(super) fn write(self, out: &mut [i32]) {
+        let start = self.start.wrapping_add(1 << (DROPPED_BITS - 1));
+        for (position, i) in out.iter_mut().zip(0_i32..) {
+            *position = start.wrapping_add(self.advance.wrapping_mul(i)) >> DROPPED_BITS;
         }
     }
 }
@@ -157,7 +215,7 @@ mod tests {
             let o =
                 [if fx > 1.0 { f64::from(offset[0]) } else { 0.0 }, if fy > 1.0 { f64::from(offset[1]) } else { 0.0 }];
             let (mut xs, mut ys) = (vec![0; w], vec![0; w]);
-            siting.positions(&lattice, 50, &mut xs, &mut ys);
+            siting.positions(&lattice, 50, &mut Cells::default(), (&mut xs, &mut ys));
             for i in [0, 1, 7, w - 1] {
                 let luma = Point2::new(fx * i as f64 + 0.5 + o[0], fy * 50.0 + 0.5 + o[1]);
                 let src = field.map(luma).expect("affine");

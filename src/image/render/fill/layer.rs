@@ -172,8 +172,8 @@ impl Patch {
         let (left, right) = (down(corners[0], corners[2]), down(corners[1], corners[3]));
         let (phase, share) = ((0.5 + self.siting.offset.0) / BLOCK as f32, 1.0 / self.cols as f32);
         let line = |axis: usize, log2: u32| Line::new(left[axis], right[axis] - left[axis], phase, share, unit(log2));
-        line(0, self.siting.log2.0).write(&mut xs[..self.cols], x as i32, 1);
-        line(1, self.siting.log2.1).write(&mut ys[..self.cols], y as i32, 0);
+        line(0, self.siting.log2.0).plus(x as i32, 1).write(&mut xs[..self.cols]);
+        line(1, self.siting.log2.1).plus(y as i32, 0).write(&mut ys[..self.cols]);
     }
 
     fn margins(&self, xs: &[i32], ys: &[i32], margins: &mut [f32]) {
