@@ -78,19 +78,26 @@ fn rotation_of(s: &Matrix3<f64>) -> (UnitQuaternion<f64>, Vector3<f64>) {
     (rotation, svd.singular_values)
 }
 
-/// A screw motion: rotation about an axis and translation along it.
+/// A screw motion, rotation about an axis and translation along it, and a linear change of size.
 #[derive(Clone, Debug)]
 pub(super) struct Screw {
     /// Rotation vector, full turns included.
     pub(super) rotation_vector: Vector3<f64>,
+    /// Size at time 1, above 0.
+    scale: f64,
     from: Point3<f64>,
     displacement: Vector3<f64>,
 }
 
 impl Screw {
-    /// The motion from `from` to `to` with this rotation vector.
-    pub(super) fn new(rotation_vector: Vector3<f64>, from: Point3<f64>, to: Point3<f64>) -> Self {
-        Self { rotation_vector, from, displacement: to - from }
+    /// The motion from `from` to `to` with this rotation vector and change of size.
+    pub(super) fn new(rotation_vector: Vector3<f64>, scale: f64, from: Point3<f64>, to: Point3<f64>) -> Self {
+        Self { rotation_vector, scale, from, displacement: to - from }
+    }
+
+    /// The size at a time; 1 at time 0.
+    pub(super) fn size(&self, time: f64) -> f64 {
+        1.0 + (self.scale - 1.0) * time
     }
 
     /// The rotation at a time.
@@ -100,7 +107,7 @@ impl Screw {
 
     /// The position of a point at a time.
     pub(super) fn at(&self, time: f64, point: &Point3<f64>) -> Point3<f64> {
-        self.from + self.rotation(time) * (point - self.from) + self.displacement_at(time)
+        self.from + self.rotation(time) * (point - self.from) * self.size(time) + self.displacement_at(time)
     }
 
     /// The inverse motion of a point from time 1 to 0.
@@ -110,7 +117,8 @@ impl Screw {
 
     /// The inverse motion of a point from a time to 0.
     pub(super) fn inverse_at(&self, time: f64, point: &Point3<f64>) -> Point3<f64> {
-        self.from + self.rotation(time).inverse() * (point - (self.from + self.displacement_at(time)))
+        let turned = point - (self.from + self.displacement_at(time));
+        self.from + self.rotation(time).inverse() * turned / self.size(time)
     }
 
     /// The displacement of `from` at a time. Across the axis, `(e^{isθ} − 1)/(e^{iθ} − 1) = e^{i(s−1)θ/2} sin(sθ/2)/sin(θ/2)`.
@@ -168,7 +176,7 @@ mod tests {
                 pivot + UnitQuaternion::from_scaled_axis(axis * (s * degrees.to_radians())) * (p - pivot)
             };
             let from = Point3::new(0.2, 0.1, 0.4);
-            let screw = Screw::new(axis * degrees.to_radians(), from, turned(1.0, &from));
+            let screw = Screw::new(axis * degrees.to_radians(), 1.0, from, turned(1.0, &from));
             for (k, p) in cloud().iter().enumerate() {
                 assert!((screw.inverse(&screw.at(1.0, p)) - p).norm() < 1e-12);
                 // Close to full turns the path is straight.

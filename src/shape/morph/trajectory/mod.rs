@@ -8,21 +8,28 @@
 //!
 //! with `exp ωₜ = Rₜ` and the edges `a` and `b` of both poses; large rotations are relative to those of neighbors
 //! ([`rotation_paths`]). The positions with the nearest edges solve a Poisson equation. They are then refined to be as rigid as
-//! possible towards both poses:
+//! possible towards both poses, the triangles around each vertex (its cell) together:
 //!
 //! ```text
-//! min over x, Pₜ, Qₜ   Σ_t Σ_{e ∈ t} h_e [ (1 − τ) |e(x) − Pₜ a|² + τ |e(x) − Qₜ b|² ]
+//! min over x, P_v, Q_v   Σ_v Σ_{t ∋ v} Σ_{e ∈ t} h_e [ (1 − τ) |e(x) − P_v a|² + τ |e(x) − Q_v b|² ]
 //! ```
+//!
+//! A rotation for each triangle instead measures no bending: between unlike shapes, whose triangles rotate by unrelated angles, creases
+//! and folds of the start then stay for nothing. Where rotations reach 180° and their paths are ambiguous, the refinement also starts
+//! from linear interpolation, and what ends lower at half time is taken: chains of rotations carry a long twist, but go the wrong way
+//! round behind triangles that the correspondence turned over.
 //!
 //! The weights `h` are the means of the half cotangents of both poses, so that the matrix is the same for every time, even for
 //! times that vary over the surface ([`Trajectory::blend`]): one factor serves all frames. The method is symmetric in the two
 //! poses. The global motion, the best rotation and the displacement of the centroid, is removed first and interpolated as a
-//! screw motion, to which full turns can be added.
+//! screw motion, to which full turns can be added; so is the difference in size, the ratio of the roots of the areas, which changes
+//! linearly. Otherwise the larger of two unlike shapes hides the other almost until its end.
 //!
 //! # Reference
 //! M. Alexa, D. Cohen-Or, D. Levin, *As-rigid-as-possible shape interpolation*, SIGGRAPH 2000; D. Xu, H. Zhang, Q. Wang, H. Bao,
 //! *Poisson shape interpolation*, SPM 2005; M. Kilian, N. Mitra, H. Pottmann, *Geometric modeling in shape space*, SIGGRAPH 2007,
-//! for paths that are as rigid as possible towards both ends.
+//! for paths that are as rigid as possible towards both ends; I. Chao, U. Pinkall, P. Sanan, P. Schröder, *A simple geometric model for
+//! elastic deformations*, SIGGRAPH 2010, for the cells.
 
 mod frames;
 mod rotation_paths;
@@ -37,6 +44,7 @@ use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::MorphError;
@@ -45,7 +53,7 @@ use super::rigid::{Screw, centroid, nearest_similarity};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 pub(super) use frames::{Frame, opposite_edges};
-use plumbline_num::math::Lists;
+use plumbline_num::math::{Lists, nearest_rotation};
 use plumbline_num::run::{Run, Stopped};
 use rotation_paths::RotationPaths;
 pub(super) use rotation_paths::neighbors;
@@ -75,19 +83,27 @@ impl Default for TrajectoryOptions {
 /// Distance outside the bounding box of both poses, over its diagonal, that a shape between them may have.
 const MAX_EXCESS: f64 = 0.2;
 
+/// Where refinement starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Start {
+    /// From edges rotated along their paths.
+    RotatedEdges,
+    /// From linear interpolation of the aligned poses.
+    Straight,
+}
+
 /// The interpolation between two poses.
 #[derive(Debug)]
 pub struct Trajectory {
     triangles: Vec<[u32; 3]>,
     first: Vec<Point3<f64>>,
     second: Vec<Point3<f64>>,
-    /// The second pose without the global motion.
+    /// The second pose without the global motion, in the size of the first.
     aligned: Vec<Point3<f64>>,
     motion: Screw,
     /// `exp(τ ωₜ)`, without the global motion.
     rotations: RotationPaths,
-    /// Frames of both poses' triangles.
-    frames: [Vec<Option<Frame>>; 2],
+    start: Start,
     /// Fraction of each vertex in the area of the surface.
     weights: Vec<f64>,
     solve: ElasticSolve,
@@ -114,19 +130,37 @@ impl Trajectory {
         let rotations: Vec<Option<UnitQuaternion<f64>>> = frames[0].iter().zip(&frames[1]).map(rotation).collect();
         run.check()?;
         let solve = ElasticSolve::new(&triangles, mean_weights(first, second), first.positions(), None, run)?;
-        Ok(Self {
+        let mut this = Self {
             rotations: RotationPaths::new(&triangles, &rotations),
+            start: Start::RotatedEdges,
             first: first.positions().to_vec(),
             second: second.positions().to_vec(),
             triangles,
             aligned,
             motion,
-            frames,
             weights,
             solve,
             iterations: options.iterations,
             own_intersections: OnceLock::new(),
-        })
+        };
+        this.start = this.lower_start(run)?;
+        Ok(this)
+    }
+
+    /// The start from which refinement ends lower at half time, where rotations are ambiguous.
+    fn lower_start(&mut self, run: &Run) -> Result<Start, Stopped> {
+        if self.iterations == 0 || self.rotations.is_unique() {
+            return Ok(Start::RotatedEdges);
+        }
+        let mut energy = |start: Start| {
+            self.start = start;
+            let x = self.at(0.5, run)?;
+            Ok(self.energy(0.5, &x))
+        };
+        let rotated = energy(Start::RotatedEdges)?;
+        // Equal but for rounding, either direction of the trajectory takes the same.
+        let lower = energy(Start::Straight)? < rotated * (1.0 - 1e-6);
+        Ok(if lower { Start::Straight } else { Start::RotatedEdges })
     }
 
     /// Positions at a time: 0 and 1 are the two poses; other times extrapolate.
@@ -158,9 +192,11 @@ impl Trajectory {
             self.triangles.iter().map(|t| t.iter().map(|v| times[*v as usize]).sum::<f64>() / 3.0).collect();
         let guess = self.guess(times);
         let mut x = guess.clone();
-        let edges = self.target_edges(&of_triangle);
-        self.solve.follow(|t| edges[t], &mut x);
-        self.solve.center(&mut x, &guess, &self.weights);
+        if self.start == Start::RotatedEdges {
+            let edges = self.target_edges(&of_triangle);
+            self.solve.follow(|t| edges[t], &mut x);
+            self.solve.center(&mut x, &guess, &self.weights);
+        }
         if self.iterations > 0 {
             let initial = x.clone();
             for _ in 0..self.iterations {
@@ -173,21 +209,23 @@ impl Trajectory {
         Ok(x)
     }
 
-    /// The energy that [`Self::at`] minimizes: the distance of every triangle from both poses up to rotations, squared length.
+    /// The energy that [`Self::at`] minimizes: the distance of the cell of every vertex from both poses up to rotations, in the size of
+    /// the time, squared length.
     pub fn energy(&self, time: f64, x: &[Point3<f64>]) -> f64 {
-        let of_triangle = |t: usize| -> f64 {
-            let now = self.corners(x, t);
-            let frame = Frame::new(&now);
-            let to_end = |end: usize, weight: f64| -> f64 {
-                let rotation = self.fit(end, t, frame.as_ref());
-                let edges = opposite_edges(&self.corners(self.end(end), t)).into_iter().zip(opposite_edges(&now));
-                let square =
-                    |((rest, e), h): ((Vector3<f64>, Vector3<f64>), &f64)| h * (e - rotation * rest).norm_squared();
-                weight * edges.zip(&self.solve.half()[t]).map(square).sum::<f64>()
+        let size = self.motion.size(time);
+        let to_end = |end: usize| -> f64 {
+            let cells = self.cell_rotations(end, x);
+            let of_triangle = |t: usize| -> f64 {
+                let (rest, now) = (self.edges(self.end(end), t), self.edges(x, t));
+                let of_cell = |v: &u32| -> f64 {
+                    let square = |k: usize| (now[k] - cells[*v as usize] * rest[k] * size).norm_squared();
+                    (0..3).map(|k| self.solve.half()[t][k] * square(k)).sum()
+                };
+                self.triangles[t].iter().map(of_cell).sum()
             };
-            to_end(0, 1.0 - time) + to_end(1, time)
+            (0..self.triangles.len()).map(of_triangle).sum()
         };
-        (0..self.triangles.len()).map(of_triangle).sum()
+        (1.0 - time) * to_end(0) + time * to_end(1)
     }
 
     /// Linear interpolation of the positions, for comparison.
@@ -231,42 +269,48 @@ impl Trajectory {
         times.iter().zip(self.first.iter().zip(&self.aligned)).map(between).collect()
     }
 
-    /// `(1 − τ) exp(τ ω) a + τ exp((τ − 1) ω) b`, rotated with the global motion.
+    /// `(1 − τ) exp(τ ω) a + τ exp((τ − 1) ω) b`, with the global motion.
     fn target_edges(&self, times: &[f64]) -> Vec<[Vector3<f64>; 3]> {
         let of_triangle = |(t, (&time, [ahead, back])): (usize, (&f64, &[UnitQuaternion<f64>; 2]))| {
-            let global = self.motion.rotation(time);
-            let [a, b] = [0, 1].map(|end| opposite_edges(&self.corners(self.end(end), t)));
-            std::array::from_fn(|k| global * (ahead * a[k] * (1.0 - time) + back * b[k] * time))
+            let (global, size) = (self.motion.rotation(time), self.motion.size(time));
+            let [a, b] = [0, 1].map(|end| self.edges(self.end(end), t));
+            std::array::from_fn(|k| global * (ahead * a[k] * (1.0 - time) + back * b[k] * time) * size)
         };
         times.iter().zip(&self.rotations.at(times)).enumerate().map(of_triangle).collect()
     }
 
-    /// Edges of both poses, rotated to fit those of `x`.
+    /// Edges of both poses, rotated to fit those of `x`: the mean over the cells that a triangle is in.
     fn rigid_edges(&self, times: &[f64], x: &[Point3<f64>]) -> Vec<[Vector3<f64>; 3]> {
+        let cells = [0, 1].map(|end| self.cell_rotations(end, x));
         let of_triangle = |(t, &time): (usize, &f64)| {
-            let frame = Frame::new(&self.corners(x, t));
-            let rotated = [0, 1].map(|end| {
-                let rotation = self.fit(end, t, frame.as_ref());
-                opposite_edges(&self.corners(self.end(end), t)).map(|e| rotation * e)
+            let [a, b] = [0, 1].map(|end| {
+                let sum: Matrix3<f64> = self.triangles[t].iter().map(|v| cells[end][*v as usize]).sum();
+                self.edges(self.end(end), t).map(|e| sum * e / 3.0)
             });
-            std::array::from_fn(|k| rotated[0][k] * (1.0 - time) + rotated[1][k] * time)
+            let size = self.motion.size(time);
+            std::array::from_fn(|k| (a[k] * (1.0 - time) + b[k] * time) * size)
         };
         times.iter().enumerate().map(of_triangle).collect()
     }
 
-    /// The best rotation of a triangle from a pose to its current shape; the identity if one of them is degenerate.
-    fn fit(&self, end: usize, t: usize, now: Option<&Frame>) -> Matrix3<f64> {
-        let fitted =
-            self.frames[end][t].as_ref().zip(now).map(|(rest, now)| rest.best_rotation_to(now, &self.solve.half()[t]));
-        fitted.unwrap_or_else(Matrix3::identity)
+    /// The rotation of the cell of each vertex from a pose that fits `x` best.
+    fn cell_rotations(&self, end: usize, x: &[Point3<f64>]) -> Vec<Matrix3<f64>> {
+        let mut sums = vec![Matrix3::zeros(); x.len()];
+        for (t, (corners, half)) in self.triangles.iter().zip(self.solve.half()).enumerate() {
+            let pairs = self.edges(x, t).into_iter().zip(self.edges(self.end(end), t)).zip(half);
+            let sum: Matrix3<f64> = pairs.map(|((now, rest), h)| now * rest.transpose() * *h).sum();
+            corners.iter().for_each(|v| sums[*v as usize] += sum);
+        }
+        sums.par_iter().map(nearest_rotation).collect()
     }
 
     fn end(&self, end: usize) -> &[Point3<f64>] {
         if end == 0 { &self.first } else { &self.aligned }
     }
 
-    fn corners(&self, x: &[Point3<f64>], t: usize) -> [Point3<f64>; 3] {
-        self.triangles[t].map(|v| x[v as usize])
+    /// Edges of a triangle, each opposite a corner.
+    fn edges(&self, x: &[Point3<f64>], t: usize) -> [Vector3<f64>; 3] {
+        opposite_edges(&self.triangles[t].map(|v| x[v as usize]))
     }
 
     /// Aligns each component rigidly with `target`: the energy is invariant to its rigid motions.
@@ -360,12 +404,14 @@ fn without_slivers(corners: &[Point3<f64>; 3], half: &[f64; 3]) -> [f64; 3] {
 /// Half the cotangent of 60°.
 const EQUILATERAL: f64 = 0.288_675_134_594_812_9;
 
-/// The best rigid motion between the poses, with additional full turns.
+/// The best rigid motion between the poses and the ratio of their sizes, with additional full turns.
 fn global_motion(first: &TriMesh, second: &TriMesh, weights: &[f64], full_rotations: i32) -> Screw {
     let (a, b) = (first.positions(), second.positions());
     let (nearest, rank) = nearest_similarity(a, b, weights, false);
     let rotation = if rank > 1 { nearest.isometry.rotation.scaled_axis() } else { Vector3::zeros() };
     let axis = rotation.try_normalize(1e-12).unwrap_or_else(Vector3::y);
     let rotation = rotation + axis * (f64::from(full_rotations) * TAU);
-    Screw::new(rotation, centroid(a, weights), centroid(b, weights))
+    let scale = (second.area() / first.area()).sqrt();
+    let scale = if scale > 0.0 && scale.is_finite() { scale } else { 1.0 };
+    Screw::new(rotation, scale, centroid(a, weights), centroid(b, weights))
 }

@@ -37,19 +37,22 @@ pub(super) struct RotationPaths {
     rotation_vector: Vec<Vector3<f64>>,
     /// Triangles in topological order, parents first.
     order: Vec<u32>,
+    /// All angles are well below π.
+    unique: bool,
 }
 
 impl RotationPaths {
     /// The paths to these rotations; a triangle without one follows its parent.
     pub(super) fn new(triangles: &[[u32; 3]], rotations: &[Option<UnitQuaternion<f64>>]) -> Self {
         let (tree, order) = tree(triangles, rotations);
-        let mut this = Self { rotation_vector: vec![Vector3::zeros(); tree.len()], parent: tree.clone(), order };
-        let direct = rotations.iter().flatten().all(|r| r.angle() < MAX_DIRECT_ANGLE);
+        let unique = rotations.iter().flatten().all(|r| r.angle() < MAX_DIRECT_ANGLE);
+        let mut this =
+            Self { rotation_vector: vec![Vector3::zeros(); tree.len()], parent: tree.clone(), order, unique };
         let mut reached: Vec<UnitQuaternion<f64>> = vec![UnitQuaternion::identity(); tree.len()];
         for &t in &this.order {
             let (t, p) = (t as usize, tree[t as usize] as usize);
             reached[t] = rotations[t].unwrap_or(reached[p]);
-            if direct || p == t {
+            if unique || p == t {
                 this.parent[t] = t as u32;
                 this.rotation_vector[t] = reached[t].scaled_axis();
             } else {
@@ -57,6 +60,11 @@ impl RotationPaths {
             }
         }
         this
+    }
+
+    /// Whether all angles are well below π, so that there is one path.
+    pub(super) fn is_unique(&self) -> bool {
+        self.unique
     }
 
     /// `Rₜ(τ)` and `Rₜ(τ) Rₜ(1)⁻¹` for one time per triangle.

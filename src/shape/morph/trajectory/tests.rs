@@ -253,3 +253,44 @@ fn weights_of_slivers_are_bounded_and_others_are_cotangents() {
         assert!(a + b > 0.0 && a * b + b * c + c * a > 0.0, "{height}: {a} {b} {c}");
     }
 }
+
+#[test]
+fn shapes_of_unlike_size_mix_in_the_size_of_their_time() {
+    let bar = shapes::bar([2, 2, 10], [1.0, 1.0, 5.0]);
+    let longer = bar.positions().iter().map(|p| Point3::new(p.x, p.y, 2.0 * p.z) * 1000.0).collect();
+    let longer = bar.with_positions(longer).unwrap();
+    let size = (longer.area() / bar.area()).sqrt();
+    let mut trajectory = Trajectory::new(&bar, &longer, &TrajectoryOptions::default(), &Run::default()).unwrap();
+    let extent = |time: f64, trajectory: &mut Trajectory| {
+        let x = trajectory.at(time, &Run::default()).expect("a run that never stops");
+        let (low, high) = bar.with_positions(x).unwrap().bounding_box().expect("not empty");
+        high - low
+    };
+    for time in [0.1, 0.5, 0.9] {
+        let mixed = |first: f64, second: f64| (1.0 - time) * first + time * second / size;
+        let expected = Vector3::new(mixed(1.0, 1000.0), mixed(1.0, 1000.0), mixed(5.0, 10_000.0));
+        let expected = expected * (1.0 + (size - 1.0) * time);
+        let found = extent(time, &mut trajectory);
+        assert!((found - expected).norm() < 1e-9 * expected.norm(), "{time}: {found} for {expected}");
+    }
+}
+
+#[test]
+fn a_limb_behind_triangles_that_are_turned_over_goes_the_short_way() {
+    let (first, second) = twisted(0.0, 1.9);
+    // The slice at a third of the length is turned by 160° about the axis of the bar there: triangles on both sides turn over.
+    let base = |v: usize| (first.positions()[v].z - 4.0 / 3.0).abs() < 1e-9;
+    let ring: Vec<usize> = (0..first.vertex_count()).filter(|&v| base(v)).collect();
+    let middle = ring.iter().map(|&v| second.positions()[v].coords).sum::<Vector3<f64>>() / ring.len() as f64;
+    let (sine, cosine) = (1.9_f64 / 3.0).sin_cos();
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(-sine, 0.0, cosine) * 160_f64.to_radians());
+    let mut positions = second.positions().to_vec();
+    ring.iter().for_each(|&v| positions[v] = Point3::from(middle + turn * (positions[v].coords - middle)));
+    let tangled = second.with_positions(positions).unwrap();
+    let mut clean = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
+    let mut trajectory = Trajectory::new(&first, &tangled, &TrajectoryOptions::default(), &Run::default()).unwrap();
+    let expected = clean.at(0.5, &Run::default()).expect("a run that never stops");
+    let found = trajectory.at(0.5, &Run::default()).expect("a run that never stops");
+    let tip = |x: &[Point3<f64>]| x.iter().max_by(|a, b| a.z.total_cmp(&b.z)).copied().expect("not empty");
+    assert!((tip(&found) - tip(&expected)).norm() < 0.4, "{} for {}", tip(&found), tip(&expected));
+}
