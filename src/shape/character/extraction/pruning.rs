@@ -57,12 +57,16 @@ pub(super) fn prune(
         for branch in graph.limbs() {
             run.check()?;
             let own = &branch[1..];
-            own.iter().for_each(|v| is_own[*v as usize] = true);
+            for v in own {
+                is_own[*v as usize] = true;
+            }
             let holds = |u: u32, v: u32| !is_own[u as usize] && graph.length(u, v) < radii[u as usize];
             let outside = own.iter().rev().take_while(|v| !graph.alive().any(|u| holds(u, **v))).count();
             let persistence = shape.persistence(graph, &branch, branch.len() - outside, least);
             left = left.saturating_sub((outside + 1) * graph.nodes.len());
-            own.iter().for_each(|v| is_own[*v as usize] = false);
+            for v in own {
+                is_own[*v as usize] = false;
+            }
             if persistence < least {
                 short.push((Cost::new(persistence), branch));
             }
