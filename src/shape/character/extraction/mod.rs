@@ -16,8 +16,7 @@
 //! | uniform node spacing | `resampling.rs` |
 //! | one energy: centered, smooth, inside | `curve_energy.rs` |
 //! | prune branches and ends that are no limbs | `pruning.rs` |
-//! | ends to the ends of the shape | `tips.rs` |
-//! | the energy, pruning, and the energy again | |
+//! | ends to the ends of the shape; the energy again | `tips.rs` |
 //! | edges that pass outside; thin crowded nodes | `inside.rs`, `resampling.rs` |
 //! | joints | `joints.rs` |
 //!

@@ -21,13 +21,8 @@ use super::curve_graph::{Branch, CurveGraph};
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
 
-/// Number of chords across a branch.
+/// Number of chords across a branch. With four, `male` gets an end more on one side.
 const CHORDS: usize = 8;
-/// Number of planes tilted from perpendicular to the branch.
-const TILTS: usize = 6;
-/// Tangent of the tilt angle (39°).
-const TILT_TANGENT: f64 = 0.8;
-
 /// Number of covered branches of which one goes at a time: of more, the most covered ones go together. Figures have fewer; a ball of
 /// five thousand spikes would compare every branch with every node thousands of times.
 const BRANCHES_PER_BATCH: usize = 64;
@@ -136,7 +131,7 @@ pub(super) fn cut_ends(graph: &mut CurveGraph, tree: &AabbTree, radii: &[f64], l
     }
 }
 
-/// Half the longest chord across a branch at its end, at least its radius there; the least over slightly tilted planes.
+/// Half the longest chord across a branch at its end, at least its radius there.
 fn half_width(graph: &CurveGraph, tree: &AabbTree, branch: &[u32], radius: f64) -> f64 {
     let end = graph.nodes[branch[branch.len() - 1] as usize];
     let mut before = branch.iter().rev().map(|v| graph.nodes[*v as usize]);
@@ -144,20 +139,11 @@ fn half_width(graph: &CurveGraph, tree: &AabbTree, branch: &[u32], radius: f64) 
     let Some(along) = (end - from).try_normalize(1e-12).filter(|_| !tree.is_exhausted()) else { return radius };
     let side = along.cross(&Vector3::ith(along.iamin(), 1.0)).normalize();
     let other = along.cross(&side);
-    let around = |k: usize, of: usize| {
-        let angle = std::f64::consts::TAU * k as f64 / of as f64;
-        side * angle.cos() + other * angle.sin()
+    let half_chord = |k: usize| {
+        let angle = std::f64::consts::PI * k as f64 / CHORDS as f64;
+        let across = side * angle.cos() + other * angle.sin();
+        let [ahead, behind] = [across, -across].map(|d| tree.first_hit(&end, &d).unwrap_or(0.0));
+        0.5 * (ahead + behind)
     };
-    let tilted = (0..TILTS).map(|k| along + around(k, TILTS) * TILT_TANGENT);
-    let widest = |axis: Vector3<f64>| {
-        let axis = axis.normalize();
-        let chord = |k: usize| {
-            let across = around(k, 2 * CHORDS);
-            let across = (across - axis * across.dot(&axis)).normalize();
-            let half_chords = [across, -across].map(|d| tree.first_hit(&end, &d).unwrap_or(0.0));
-            0.5 * (half_chords[0] + half_chords[1])
-        };
-        (0..CHORDS).map(chord).fold(radius, f64::max)
-    };
-    std::iter::once(along).chain(tilted).map(widest).fold(f64::INFINITY, f64::min)
+    (0..CHORDS).map(half_chord).fold(radius, f64::max)
 }
