@@ -12,7 +12,7 @@
 //! | tips, pinned during contraction: geodesic extrema | `geodesic_extrema.rs` |
 //! | medial ball of each vertex | `medial.rs` |
 //! | contraction, one sparse solve per iteration | `contraction.rs`, `normal_equations.rs` |
-//! | collapse to a graph; which loops may close | `surgery.rs`, `homology.rs` |
+//! | collapse to a graph; which loops may close; edges across holes | `surgery.rs`, `homology.rs`, `part.rs` |
 //! | uniform node spacing | `resampling.rs` |
 //! | one energy: centered, smooth, inside | `curve_energy.rs` |
 //! | prune branches and ends that are no limbs | `pruning.rs` |
