@@ -8,8 +8,8 @@
 //! over its nodes `c_i`, from its end `c` to the first one inside a ball of the rest. The ball of a node is the largest one inside the surface,
 //! `s` that of the end, and `w_i` half the longest chord across the branch. Persistence is a ratio and equal for fingers and trunks: `l/ρ` for a
 //! rod of length `l` and radius `ρ`, 1 for half a ball, `cot α` for a cone, .94 for the corner of a cube; the edge of a slab and the rim of a
-//! cylinder, which are long across, have less. Below 1 a part is a bump. The least persistent branch goes first, since
-//! others may extend farther beyond the rest afterwards; its vertices go to the junction. Pinned ends stay.
+//! cylinder, which are long across, have less. Below 1 a part is a bump. The least persistent branch goes first, since others may extend farther
+//! beyond the rest afterwards; its vertices go to the junction. Pinned ends stay.
 //!
 //! The same holds for the end of a branch, which may turn aside into a corner: its last part that is too short for a limb goes, back to the
 //! first node whose ball contains some of it. From there it is extended straight (`tips.rs`).
