@@ -325,6 +325,6 @@ fn a_batch_takes_from_the_cache_what_it_stored_and_a_cache_on_another_file_syste
     assert!(why(&["dog.ply"]).contains("  why   there was none before") || why(&["giraffe.ply"]).contains("mesh was "));
     succeed(folder, &["skeleton", "dog.ply", "-o", "b.json", "--cache", cache, "--prune", "4"]);
     let text = why(&["dog.ply", "skeleton"]);
-    assert!(text.contains("options.prune was 1.5"), "{text}");
+    assert!(text.contains("options.prune was 1.05"), "{text}");
     assert!(why(&["dog.ply", "weights"]).contains("the cache has no weights of `dog.ply`"));
 }

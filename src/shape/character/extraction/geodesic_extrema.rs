@@ -6,7 +6,7 @@
 //! tips: bumps do not count, however many there are.
 //!
 //! Lengths may be scaled per vertex. In units of the local radius of the shape slim limbs are long and persistent even if they turn aside or
-//! back: fingers of an armadillo have 2.4 and more, ears and horns 2.2, lips and bumps less than 2.2.
+//! back.
 //!
 //! # Reference
 //! H. Edelsbrunner, D. Letscher, A. Zomorodian, *Topological persistence and simplification*, Discrete Comput. Geom. 28 (2002); distances
@@ -46,11 +46,11 @@ impl<'a> GeodesicExtrema<'a> {
         Self { complex, around, middle }
     }
 
-    /// Maxima of the components without a `known` vertex, with lengths in the `unit` at each vertex.
-    pub(super) fn maxima(&self, unit: &dyn Fn(u32) -> f64, known: &[u32]) -> Vec<Maximum> {
+    /// All maxima, with lengths in the `unit` at each vertex.
+    pub(super) fn maxima(&self, unit: &dyn Fn(u32) -> f64) -> Vec<Maximum> {
         let Some(middle) = self.middle else { return Vec::new() };
         let height = distances(self.complex, &self.around, middle, unit);
-        maxima(self.complex, &self.around, &height, known)
+        maxima(self.complex, &self.around, &height)
     }
 }
 
@@ -105,17 +105,13 @@ fn hill_of(top: &[u32], into: &[u32], v: u32) -> u32 {
     hill
 }
 
-fn maxima(complex: &Complex, around: &Around, height: &[f64], known: &[u32]) -> Vec<Maximum> {
+fn maxima(complex: &Complex, around: &Around, height: &[f64]) -> Vec<Maximum> {
     let mut order: Vec<u32> = complex.vertices().filter(|v| height[*v as usize].is_finite()).collect();
     order.sort_by_key(|v| (Reverse(Cost::new(height[*v as usize])), *v));
     let mut top = vec![u32::MAX; complex.positions.len()];
     let mut into: Vec<u32> = (0..complex.positions.len() as u32).collect();
-    let mut is_known = vec![false; complex.positions.len()];
-    for v in known {
-        is_known[*v as usize] = true;
-    }
     let mut maxima = Vec::new();
-    if let Some(highest) = order.first().filter(|_| known.is_empty()) {
+    if let Some(highest) = order.first() {
         maxima.push(Maximum { vertex: *highest, persistence: f64::INFINITY });
     }
     for &v in &order {
@@ -131,12 +127,8 @@ fn maxima(complex: &Complex, around: &Around, height: &[f64], known: &[u32]) -> 
             continue;
         };
         top[v as usize] = highest;
-        is_known[highest as usize] |= is_known[v as usize];
         for &lower in &hills[1..] {
-            if !is_known[lower as usize] {
-                maxima.push(Maximum { vertex: lower, persistence: height[lower as usize] - height[v as usize] });
-            }
-            is_known[highest as usize] |= is_known[lower as usize];
+            maxima.push(Maximum { vertex: lower, persistence: height[lower as usize] - height[v as usize] });
             into[lower as usize] = highest;
         }
     }

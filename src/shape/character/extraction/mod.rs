@@ -12,15 +12,12 @@
 //! | tips, pinned during contraction: geodesic extrema | `geodesic_extrema.rs` |
 //! | medial ball of each vertex | `medial.rs` |
 //! | contraction, one sparse solve per iteration | `contraction.rs`, `normal_equations.rs` |
-//! | collapse to a graph; which loops may close | `surgery.rs`, `homology.rs` |
+//! | collapse to a graph; which loops may close; edges across holes | `surgery.rs`, `homology.rs`, `part.rs` |
 //! | uniform node spacing | `resampling.rs` |
-//! | toward the medial axis, roughly | `centering.rs`, `fairing.rs` |
-//! | extend ends to the tips | `tips.rs` |
-//! | remove branches into corners and rims | `corner_branches.rs` |
-//! | prune insignificant branches | `pruning.rs` |
 //! | one energy: centered, smooth, inside | `curve_energy.rs` |
-//! | prune again; the energy again | |
-//! | edges that pass outside; thin crowded nodes | `centering.rs`, `resampling.rs` |
+//! | prune branches and ends that are no limbs | `pruning.rs` |
+//! | ends to the ends of the shape; the energy again | `tips.rs` |
+//! | edges that pass outside; thin crowded nodes | `inside.rs`, `resampling.rs` |
 //! | joints | `joints.rs` |
 //!
 //! The curve has as many loops as the surface has handles. Every vertex of the surface is assigned the node it contracted to. All iterations
@@ -34,15 +31,13 @@
 mod aabb;
 mod budget;
 mod caps;
-mod centering;
 mod complex;
 mod contraction;
-mod corner_branches;
 mod curve_energy;
 mod curve_graph;
-mod fairing;
 mod geodesic_extrema;
 mod homology;
+mod inside;
 mod joints;
 mod medial;
 mod normal_equations;
@@ -116,7 +111,7 @@ pub struct ExtractionOptions {
 
 impl Default for ExtractionOptions {
     fn default() -> Self {
-        Self { contraction: 0.7, attraction: 0.1, medial: 0.3, prune: 1.5, iterations: 12, keep: Keep::default() }
+        Self { contraction: 0.7, attraction: 0.1, medial: 0.3, prune: 1.05, iterations: 12, keep: Keep::default() }
     }
 }
 

@@ -1,18 +1,18 @@
-//! Prunes insignificant branches and merges close junctions.
+//! Prunes branches and ends of branches that are no limbs.
 //!
-//! Bumps and the edges of thick sheets leave short branches. With `c` and `s` the position and radius of an end, its ball extends beyond the
-//! balls of the rest of the curve, with centers `u` and radii `r_u`, by
+//! Contraction leaves branches into bumps, corners and rims. The persistence of a branch is the length by which it extends beyond the rest of
+//! the curve, in half-widths of its own:
 //!
-//! `b = s + min_u (‖c − u‖ − r_u)`.
+//! `max_i (‖c_i − c‖ + s)/w_i`
 //!
-//! A branch is pruned if `b < prune · w`, with `w` the half-width at its end: half the longest chord across it. On a round limb `w = s`, and
-//! `prune = 1` means that the end is inside a ball of the rest; folds of lips and corners of hooves extend slightly more, fingers and ears
-//! twice that. The edge of a slab is as wide as the slab, and a branch toward it extends by less. The ratio is dimensionless and equal
-//! for fingers and trunks. The branch with the smallest ratio goes first, since others may be less covered afterwards; its vertices go to
-//! the junction. Pinned ends stay, and so does a branch that continues at the bend of a hairpin, unless its end is inside (`b < w`):
-//! without the crown of a head the curve would run up the neck and back to the nose.
+//! over its nodes `c_i`, from its end `c` to the first one inside a ball of the rest. The ball of a node is the largest one inside the surface,
+//! `s` that of the end, and `w_i` half the longest chord across the branch. Persistence is a ratio and equal for fingers and trunks: `l/ρ` for a
+//! rod of length `l` and radius `ρ`, 1 for half a ball, `cot α` for a cone, .94 for the corner of a cube; the edge of a slab and the rim of a
+//! cylinder, which are long across, have less. Below 1 a part is a bump. The least persistent branch goes first, since others may extend farther
+//! beyond the rest afterwards; its vertices go to the junction. Pinned ends stay.
 //!
-//! Two junctions closer than a fraction of the larger radius merge, unless a loop would vanish.
+//! The same holds for the end of a branch, which may turn aside into a corner: its last part that is too short for a limb goes, back to the
+//! first node whose ball contains some of it. From there it is extended straight (`tips.rs`).
 
 use nalgebra::Vector3;
 
@@ -21,54 +21,59 @@ use super::curve_graph::{Branch, CurveGraph};
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
 
-/// Number of chords across an end.
+/// Number of chords across a branch. With four, `male` gets an end more on one side.
 const CHORDS: usize = 8;
-/// Number of planes tilted from perpendicular to the branch.
-const TILTS: usize = 6;
-/// Tangent of the tilt angle (39°).
-const TILT_TANGENT: f64 = 0.8;
-
 /// Number of covered branches of which one goes at a time: of more, the most covered ones go together. Figures have fewer; a ball of
 /// five thousand spikes would compare every branch with every node thousands of times.
 const BRANCHES_PER_BATCH: usize = 64;
 /// Number of comparisons of a branch with a node after which all covered branches go together: about ten seconds.
 const MAX_COMPARISONS: usize = 1_000_000_000;
 
-/// Angle below which two branches form a hairpin, rad (60°).
-const MAX_HAIRPIN_ANGLE: f64 = 1.05;
+/// The shape about a curve: the radii of its balls, and the half-widths that are known.
+struct Shape<'a> {
+    tree: &'a AabbTree,
+    radii: &'a [f64],
+    half_widths: Vec<Option<f64>>,
+}
 
-/// Prunes covered branches; `radii` are the distances of the nodes to the surface.
+/// Prunes branches with a persistence below `least`; `radii` are the distances of the nodes to the surface.
 pub(super) fn prune(
     graph: &mut CurveGraph,
     tree: &AabbTree,
     radii: &[f64],
-    prune: f64,
+    least: f64,
     run: &Run,
 ) -> Result<(), Stopped> {
-    let mut widths = std::collections::HashMap::new();
+    let mut shape = Shape::new(graph, tree, radii);
+    let mut is_own = vec![false; graph.nodes.len()];
     let mut left = MAX_COMPARISONS;
     loop {
-        let mut covered: Vec<(Cost, Branch)> = Vec::new();
+        let mut short: Vec<(Cost, Branch)> = Vec::new();
         for branch in graph.limbs() {
             run.check()?;
-            let (junction, end) = (branch[0], branch[branch.len() - 1]);
-            let width =
-                *widths.entry((junction, end)).or_insert_with(|| half_width(graph, tree, &branch, radii[end as usize]));
-            let out = Cost::new(sticks_out(graph, &branch, radii).0 / width.max(f64::MIN_POSITIVE));
-            left = left.saturating_sub(graph.nodes.len());
-            let is_inside = out < Cost::new(1.0);
-            if out < Cost::new(prune) && (is_inside || !leaves_a_hairpin(graph, &branch, radii[junction as usize])) {
-                covered.push((out, branch));
+            let own = &branch[1..];
+            for v in own {
+                is_own[*v as usize] = true;
+            }
+            let holds = |u: u32, v: u32| !is_own[u as usize] && graph.length(u, v) < radii[u as usize];
+            let outside = own.iter().rev().take_while(|v| !graph.alive().any(|u| holds(u, **v))).count();
+            let persistence = shape.persistence(graph, &branch, branch.len() - outside, least);
+            left = left.saturating_sub((outside + 1) * graph.nodes.len());
+            for v in own {
+                is_own[*v as usize] = false;
+            }
+            if persistence < least {
+                short.push((Cost::new(persistence), branch));
             }
         }
-        if covered.is_empty() {
+        if short.is_empty() {
             return Ok(());
         }
-        let batch = if left == 0 { covered.len() } else { (covered.len() / BRANCHES_PER_BATCH).max(1) };
-        covered.sort_by_key(|(out, _)| *out);
-        // A junction that lost a branch may be none any more, and what was its other branch is now a part of a longer one.
+        let batch = if left == 0 { short.len() } else { (short.len() / BRANCHES_PER_BATCH).max(1) };
+        short.sort_by_key(|(persistence, _)| *persistence);
+        // A junction that lost a branch may be none any more, and its other branch is now a part of a longer one.
         let mut touched = std::collections::HashSet::new();
-        for (_, branch) in covered.into_iter().take(batch) {
+        for (_, branch) in short.into_iter().take(batch) {
             if touched.insert(branch[0]) {
                 graph.remove_branch(&branch);
             }
@@ -76,37 +81,57 @@ pub(super) fn prune(
     }
 }
 
-/// Whether a branch continues at the bend of two others that run side by side.
-fn leaves_a_hairpin(graph: &CurveGraph, branch: &[u32], radius: f64) -> bool {
-    let junction = branch[0];
-    let others: Vec<u32> = graph.neighbors(junction).iter().copied().filter(|v| *v != branch[1]).collect();
-    let [a, b] = others[..] else { return false };
-    match [a, b].map(|to| direction(graph, junction, to, radius)) {
-        [Some(a), Some(b)] => a.angle(&b) < MAX_HAIRPIN_ANGLE,
-        _ => false,
+impl<'a> Shape<'a> {
+    fn new(graph: &CurveGraph, tree: &'a AabbTree, radii: &'a [f64]) -> Self {
+        Self { tree, radii, half_widths: vec![None; graph.nodes.len()] }
+    }
+
+    /// Persistence of a branch of which the nodes from index `first` on are outside the rest; any value above `enough` is as good.
+    fn persistence(&mut self, graph: &CurveGraph, branch: &[u32], first: usize, enough: f64) -> f64 {
+        let mut most = 0.0_f64;
+        for i in (first..branch.len()).rev() {
+            if most >= enough {
+                break;
+            }
+            most = most.max(self.ratio(graph, branch, i, most));
+        }
+        most
+    }
+
+    /// Length from a node of a branch to its tip in half-widths at the node; some lower value if it is below `least`.
+    fn ratio(&mut self, graph: &CurveGraph, branch: &[u32], i: usize, least: f64) -> f64 {
+        let (v, end) = (branch[i], branch[branch.len() - 1]);
+        let length = graph.length(v, end) + self.radii[end as usize];
+        let r = self.radii[v as usize].max(f64::MIN_POSITIVE);
+        // The half-width is at least the radius.
+        if length < least * r {
+            return 0.0;
+        }
+        let tree = self.tree;
+        length / *self.half_widths[v as usize].get_or_insert_with(|| half_width(graph, tree, &branch[..=i], r))
     }
 }
 
-/// Vector from a node to the first node at distance `reach` on the branch toward `to`; `None` if the branch is shorter.
-fn direction(graph: &CurveGraph, from: u32, to: u32, reach: f64) -> Option<Vector3<f64>> {
-    let row = graph.row(from, to, reach);
-    let at = row[row.len() - 1];
-    (graph.length(from, at) >= reach).then(|| graph.nodes[at as usize] - graph.nodes[from as usize])
+/// Cuts the last part of every branch, which is too short for a limb, as far as a ball of the branch contains some of it.
+pub(super) fn cut_ends(graph: &mut CurveGraph, tree: &AabbTree, radii: &[f64], least: f64) {
+    let mut shape = Shape::new(graph, tree, radii);
+    for end in graph.free_ends() {
+        let mut branch = graph.row_back(end, f64::INFINITY);
+        branch.reverse();
+        let is_limb = |i: &usize| shape.ratio(graph, &branch, *i, least) >= least;
+        let Some(limb) = (1..branch.len()).rev().find(is_limb) else { continue };
+        let first = usize::from(graph.degree(branch[0]) != 2);
+        let reaches = |i: &usize| {
+            let from = branch[*i];
+            branch[limb..].iter().any(|v| graph.length(from, *v) < radii[from as usize])
+        };
+        if let Some(from) = (first..branch.len()).find(reaches) {
+            graph.remove_branch(&branch[from..]);
+        }
+    }
 }
 
-/// Extent of the end ball of a branch beyond the balls of the rest of the curve, and the node of the ball that covers it most.
-pub(super) fn sticks_out(graph: &CurveGraph, branch: &[u32], radii: &[f64]) -> (f64, u32) {
-    let last = branch[branch.len() - 1];
-    let end = graph.nodes[last as usize];
-    let mut own = branch[1..].to_vec();
-    own.sort_unstable();
-    let rest = graph.alive().filter(|v| own.binary_search(v).is_err());
-    let beyond = |v: u32| nalgebra::distance(&end, &graph.nodes[v as usize]) - radii[v as usize];
-    let base = rest.min_by_key(|v| (Cost::new(beyond(*v)), *v)).unwrap_or(branch[0]);
-    (beyond(base) + radii[last as usize], base)
-}
-
-/// Half the longest chord across a branch at its end, at least its radius there; the least over slightly tilted planes.
+/// Half the longest chord across a branch at its end, at least its radius there.
 fn half_width(graph: &CurveGraph, tree: &AabbTree, branch: &[u32], radius: f64) -> f64 {
     let end = graph.nodes[branch[branch.len() - 1] as usize];
     let mut before = branch.iter().rev().map(|v| graph.nodes[*v as usize]);
@@ -114,70 +139,11 @@ fn half_width(graph: &CurveGraph, tree: &AabbTree, branch: &[u32], radius: f64) 
     let Some(along) = (end - from).try_normalize(1e-12).filter(|_| !tree.is_exhausted()) else { return radius };
     let side = along.cross(&Vector3::ith(along.iamin(), 1.0)).normalize();
     let other = along.cross(&side);
-    let around = |k: usize, of: usize| {
-        let angle = std::f64::consts::TAU * k as f64 / of as f64;
-        side * angle.cos() + other * angle.sin()
+    let half_chord = |k: usize| {
+        let angle = std::f64::consts::PI * k as f64 / CHORDS as f64;
+        let across = side * angle.cos() + other * angle.sin();
+        let [ahead, behind] = [across, -across].map(|d| tree.first_hit(&end, &d).unwrap_or(0.0));
+        0.5 * (ahead + behind)
     };
-    let tilted = (0..TILTS).map(|k| along + around(k, TILTS) * TILT_TANGENT);
-    let widest = |axis: Vector3<f64>| {
-        let axis = axis.normalize();
-        let chord = |k: usize| {
-            let across = around(k, 2 * CHORDS);
-            let across = (across - axis * across.dot(&axis)).normalize();
-            let half_chords = [across, -across].map(|d| tree.first_hit(&end, &d).unwrap_or(0.0));
-            0.5 * (half_chords[0] + half_chords[1])
-        };
-        (0..CHORDS).map(chord).fold(radius, f64::max)
-    };
-    std::iter::once(along).chain(tilted).map(widest).fold(f64::INFINITY, f64::min)
-}
-
-/// Merges close junctions.
-pub(super) fn join_junctions(graph: &mut CurveGraph, radii: &[f64], share: f64, run: &Run) -> Result<(), Stopped> {
-    let radius = |v: u32| radii[v as usize];
-    loop {
-        let mut nearest: Option<(Cost, Vec<u32>)> = None;
-        for branch in graph.branches() {
-            run.check()?;
-            let (a, b) = (branch[0], branch[branch.len() - 1]);
-            if a == b || graph.degree(a) < 3 || graph.degree(b) < 3 {
-                continue;
-            }
-            let length = graph.branch_length(&branch);
-            let widest = radius(a).max(radius(b));
-            let rank = Cost::new(length / widest);
-            if length < share * widest
-                && !closes_a_loop(graph, &branch)
-                && nearest.as_ref().is_none_or(|(least, _)| rank < *least)
-            {
-                nearest = Some((rank, branch));
-            }
-        }
-        let Some((_, branch)) = nearest else { return Ok(()) };
-        let (a, b) = (branch[0], branch[branch.len() - 1]);
-        let (inner, keep) = if radius(a) >= radius(b) {
-            (branch[1..].to_vec(), a)
-        } else {
-            let mut rest = branch.clone();
-            rest.pop();
-            rest.reverse();
-            (rest, b)
-        };
-        for v in inner {
-            graph.merge(v, keep);
-        }
-    }
-}
-
-/// Whether another branch connects the same junctions, or a node is adjacent to both: merging would remove the loop.
-fn closes_a_loop(graph: &CurveGraph, branch: &[u32]) -> bool {
-    let (a, b) = (branch[0], branch[branch.len() - 1]);
-    let (mut inner, others) = (branch.to_vec(), graph.branches());
-    inner.sort_unstable();
-    others.iter().any(|other| {
-        let ends = (other[0], other[other.len() - 1]);
-        let mut same = other.clone();
-        same.sort_unstable();
-        same != inner && (ends == (a, b) || ends == (b, a)) && other.len() <= 3
-    }) || graph.neighbors(a).iter().any(|v| !branch.contains(v) && graph.neighbors(b).contains(v))
+    (0..CHORDS).map(half_chord).fold(radius, f64::max)
 }

@@ -10,8 +10,8 @@
 use nalgebra::{Point3, Vector3};
 
 use super::aabb::AabbTree;
-use super::centering::{across, radius};
 use super::curve_graph::CurveGraph;
+use super::inside::radius;
 
 /// Largest number of steps of an end.
 const MAX_STEPS: usize = 80;
@@ -126,10 +126,18 @@ fn step(tree: &AabbTree, at: &Point3<f64>, direction: &Vector3<f64>) -> Option<(
     }
     let length = (STEP_RADII * r).max(MIN_BALL_RADIUS).min(0.5 * ahead);
     let moved = at + direction * length;
-    let side = across(tree, &moved);
+    let side = to_middle(tree, &moved);
     let next = moved + (side - direction * side.dot(direction));
     let travel = (next - at).try_normalize(1e-9)?;
     let redirected = (direction * (1.0 - DIRECTION_UPDATE) + travel * DIRECTION_UPDATE).try_normalize(1e-9)?;
     // If the path turns back there is no limb.
     (travel.dot(direction) > 0.5).then_some((next, redirected))
+}
+
+/// Step from a point inside to the middle of the chord from the nearest surface point, at most half the radius.
+fn to_middle(tree: &AabbTree, c: &Point3<f64>) -> Vector3<f64> {
+    let away = tree.nearest(c).map_or_else(Vector3::zeros, |p| c - p);
+    let r = away.norm();
+    let Some(away) = away.try_normalize(0.0) else { return away };
+    tree.first_hit(c, &away).map_or_else(Vector3::zeros, |across| away * (0.5 * (across - r)).clamp(0.0, 0.5 * r))
 }

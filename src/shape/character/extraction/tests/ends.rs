@@ -39,25 +39,25 @@ fn ends_come_to_the_center_of_the_cap_from_both_sides() {
 }
 
 #[test]
-fn a_straight_cone_is_a_tip_and_one_that_turns_aside_a_hook() {
+fn an_end_that_turns_into_a_corner_is_cut_and_a_straight_one_keeps_to_the_axis() {
     let mesh = shapes::bar([10, 10, 40], [1.0, 1.0, 4.0]);
     let tree = aabb::AabbTree::new(mesh.positions(), mesh.triangles(), &Run::default());
     let (low, high) = mesh.bounding_box().unwrap();
     let middle = nalgebra::center(&low, &high);
-    let top = [middle.x, middle.y, high.z - 0.5];
+    let [bottom, top] = [low.z + 0.5, high.z - 0.5].map(|z| [middle.x, middle.y, z]);
     let corner = [high.x - 0.01, high.y - 0.01, high.z - 0.01];
-    let mut hooked = row(&[[middle.x, middle.y, low.z + 0.5], top, corner]);
-    let radii = centering::radii(&hooked, &tree);
-    corner_branches::remove_rim_hooks(&mut hooked, &radii);
-    let end = hooked.alive().map(|v| hooked.nodes[v as usize].z).fold(f64::MIN, f64::max);
-    assert!((end - top[2]).abs() < 0.06, "the end is at {end}");
-    // The same corner approached straight: the cone is the tip of the bar.
-    let straight = [0, 1, 2].map(|k| top[k] - (corner[k] - top[k]));
-    let mut tip = row(&[straight, top, corner]);
-    let before = tip.alive().count();
-    let radii = centering::radii(&tip, &tree);
-    corner_branches::remove_rim_hooks(&mut tip, &radii);
-    assert_eq!(tip.alive().count(), before);
+    for places in [&[bottom, top, corner][..], &[bottom, top]] {
+        let mut graph = row(places);
+        let radii = inside::radii(&graph, &tree);
+        pruning::cut_ends(&mut graph, &tree, &radii, 1.05);
+        tips::extend(&mut graph, &tree);
+        let farthest = |off: &dyn Fn(&Point3<f64>) -> f64| {
+            graph.alive().map(|v| off(&graph.nodes[v as usize])).fold(f64::MIN, f64::max)
+        };
+        assert!(farthest(&|p| (p - middle).xy().norm()) < 0.01, "an end leaves the axis");
+        let end = farthest(&|p| p.z);
+        assert!((end - top[2]).abs() < 0.1, "an end at {end}");
+    }
 }
 
 /// A ball of radius 1 with spikes of this height and approximate width.
@@ -87,27 +87,22 @@ fn arms_of_a_ball_are_found_and_bumps_are_not() {
 }
 
 #[test]
-fn persistence_is_the_length_of_a_tip_and_known_components_are_skipped() {
+fn persistence_is_the_length_of_a_tip() {
     let mesh = capsule(10.0, |s| (Point3::new(s, 0.0, 0.0), Vector3::x()));
     let complex = complex::Complex::new(mesh.positions().to_vec(), mesh.triangles().to_vec());
     let extrema = geodesic_extrema::GeodesicExtrema::new(&complex);
-    let tips = |unit: f64, known: &[u32]| -> Vec<geodesic_extrema::Maximum> {
-        let mut maxima = extrema.maxima(&|_| unit, known);
+    let tips = |unit: f64| -> Vec<geodesic_extrema::Maximum> {
+        let mut maxima = extrema.maxima(&|_| unit);
         maxima.retain(|t| t.persistence > 3.0 / unit);
         maxima
     };
-    let ends = [0, mesh.vertex_count() as u32 - 1];
-    let [first, second] = &tips(1.0, &[])[..] else { panic!("two ends") };
+    let [first, second] = &tips(1.0)[..] else { panic!("two ends") };
     assert!(first.persistence.is_infinite() && (3.0..4.5).contains(&second.persistence), "{}", second.persistence);
     let on_a_cap = |v: u32| !(0.0..=10.0).contains(&mesh.positions()[v as usize].x);
     assert!(on_a_cap(first.vertex) && on_a_cap(second.vertex));
-    assert!((tips(0.5, &[])[1].persistence - 2.0 * second.persistence).abs() < 1e-9);
+    assert!((tips(0.5)[1].persistence - 2.0 * second.persistence).abs() < 1e-9);
     let side = |v: u32| usize::from(mesh.positions()[v as usize].x > 5.0);
     assert_ne!(side(first.vertex), side(second.vertex));
-    // Any vertex of a component marks it as known.
-    let left = tips(1.0, &[ends[side(first.vertex)]]);
-    assert_eq!(left.iter().map(|t| t.vertex).collect::<Vec<_>>(), [second.vertex]);
-    assert!(tips(1.0, &[ends[side(second.vertex)]]).is_empty());
 }
 
 #[test]

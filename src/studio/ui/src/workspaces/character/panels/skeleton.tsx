@@ -80,7 +80,7 @@ const OPTIONS: readonly { key: keyof ExtractionOptions; label: string; min: numb
   { key: "contraction", label: "Contraction", min: 0.05, max: 10, logarithmic: true, title: "Below 0.3 wide parts stay sheets, above 2 limbs shorten" },
   { key: "attraction", label: "Attraction", min: 0.001, max: 10, logarithmic: true, title: "Weight of the positions of the last iteration" },
   { key: "medial", label: "Medial", min: 0.001, max: 10, logarithmic: true, title: "Weight of the centers of the largest balls inside" },
-  { key: "prune", label: "Prune", min: 0, max: 10, step: 0.1, title: "Terminal branches shorter than this many local radii are removed" },
+  { key: "prune", label: "Prune", min: 0, max: 10, step: 0.05, title: "Terminal branches shorter than this many local radii are removed" },
   { key: "iterations", label: "Iterations", min: 1, max: 50, step: 1, title: "Contraction iterations at most" },
 ];
 
