@@ -11,6 +11,8 @@ use plumbline_num::math::Point2;
 
 /// Depth bias of marks as a fraction of their distance: marks on the surface would otherwise be half hidden by it.
 const DEPTH_BIAS: f32 = 0.004;
+/// Half the width of a mark as a fraction of its distance, at most, where marks are sorted: wider ones would reach the camera.
+const MAX_HALF_WIDTH: f64 = 0.5;
 /// Width of the dark outline around points, px, for contrast on any color.
 const RIM: f64 = 1.2;
 
@@ -43,7 +45,11 @@ struct Drawn<'m> {
 /// Draws the marks, the farthest first.
 pub(super) fn draw(marks: &[Mark], camera: &SurfaceCamera, occlusion: &Occlusion, canvas: &mut Canvas) {
     let mut drawn: Vec<Drawn<'_>> = marks.iter().filter_map(|m| Drawn::of(m, camera)).collect();
-    let nearness = |d: &Drawn<'_>| d.ends[0].1 + d.ends[1].1;
+    // Marks are as deep as they are wide: the disk at the end of a line is in front of it, whatever rounding says of their middles.
+    let nearness = |d: &Drawn<'_>| {
+        let half_width = (d.mark.width_px / 2.0 / camera.focal_px).min(MAX_HALF_WIDTH);
+        f64::from(d.ends[0].1 + d.ends[1].1) / (1.0 - half_width)
+    };
     drawn.sort_by(|a, b| nearness(a).total_cmp(&nearness(b)));
     for mark in &drawn {
         mark.draw(occlusion, canvas);
