@@ -51,7 +51,7 @@ impl Siting {
     /// Writes the source positions of row `j` in units of 1/256 px of the plane, 0 at the center of its first sample.
     #[inline(always)] // so that it is compiled again for AVX2; closures would not be, hence loops
     #[allow(clippy::inline_always)]
-    pub(super) fn positions(&self, lattice: &Lattice, j: usize, cells: &mut Cells, at: (&mut [i32], &mut [i32])) {
+    pub(super) fn positions(&self, lattice: &Lattice, j: usize, cells: &mut Cells, (xs, ys): (&mut [i32], &mut [i32])) {
         let step = lattice.step() as f32;
         let y = ((j << self.log2.1) as f32 + 0.5 + self.offset.1) / step;
         let l = (y as usize).min(lattice.points().1 - 2);
@@ -60,9 +60,9 @@ impl Siting {
         let phase = (0.5 + self.offset.0) / step;
         // The index is that of the sample along x, and everywhere that of the row along y.
         cells.set_lines(0, phase, per_cell, unit(self.log2.0), (0, 1));
-        cells.write(per_cell, at.0);
+        cells.write(per_cell, xs);
         cells.set_lines(1, phase, per_cell, unit(self.log2.1), (j as i32, 0));
-        cells.write(per_cell, at.1);
+        cells.write(per_cell, ys);
     }
 }
 

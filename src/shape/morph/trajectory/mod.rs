@@ -299,7 +299,9 @@ impl Trajectory {
         for (t, (corners, half)) in self.triangles.iter().zip(self.solve.half()).enumerate() {
             let pairs = self.edges(x, t).into_iter().zip(self.edges(self.end(end), t)).zip(half);
             let sum: Matrix3<f64> = pairs.map(|((now, rest), h)| now * rest.transpose() * *h).sum();
-            corners.iter().for_each(|v| sums[*v as usize] += sum);
+            for v in corners {
+                sums[*v as usize] += sum;
+            }
         }
         sums.par_iter().map(nearest_rotation).collect()
     }

@@ -285,7 +285,9 @@ fn a_limb_behind_triangles_that_are_turned_over_goes_the_short_way() {
     let (sine, cosine) = (1.9_f64 / 3.0).sin_cos();
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(-sine, 0.0, cosine) * 160_f64.to_radians());
     let mut positions = second.positions().to_vec();
-    ring.iter().for_each(|&v| positions[v] = Point3::from(middle + turn * (positions[v].coords - middle)));
+    for &v in &ring {
+        positions[v] = Point3::from(middle + turn * (positions[v].coords - middle));
+    }
     let tangled = second.with_positions(positions).unwrap();
     let mut clean = Trajectory::new(&first, &second, &TrajectoryOptions::default(), &Run::default()).unwrap();
     let mut trajectory = Trajectory::new(&first, &tangled, &TrajectoryOptions::default(), &Run::default()).unwrap();
