@@ -53,11 +53,12 @@ def half_cotangents(V, f):
 
 
 def areas(V, F):
+    """Of each vertex, a third of its triangles."""
     share = np.zeros(len(V))
     for f in F:
         e = edges(V, f)
         share[f] += np.linalg.norm(np.cross(e[0], e[1])) / 6
-    return share / share.sum()
+    return share
 
 
 def gradient(V, W, f):
@@ -70,15 +71,17 @@ def gradient(V, W, f):
 
 
 def between(V, F, W, t):
-    """Poisson interpolation, the motion of the whole taken out."""
+    """Poisson interpolation, the motion of the whole and its change of size taken out."""
     from scipy.linalg import polar
     from scipy.spatial.transform import Rotation
-    m = (areas(V, F) + areas(W, F)) / 2
+    of_v, of_w = areas(V, F), areas(W, F)
+    m = (of_v / of_v.sum() + of_w / of_w.sum()) / 2
+    scale = np.sqrt(of_w.sum() / of_v.sum())
     cv, cw = m @ V, m @ W
     H = ((V - cv) * m[:, None]).T @ (W - cw)
     U, _, Vt = np.linalg.svd(H)
     R = Vt.T @ np.diag([1, 1, np.sign(np.linalg.det(Vt.T @ U.T))]) @ U.T
-    B = (W - cw) @ R + cv  # R^T of each
+    B = (W - cw) @ R / scale + cv  # R^T of each
     rows, targets, weights = [], [], []
     for f in F:
         rotation, _ = polar(gradient(V, B, f))
@@ -107,7 +110,8 @@ def between(V, F, W, t):
     axis, way = turn / angle, cw - cv
     along = axis * (axis @ way)
     across = Rotation.from_rotvec(turn * (t - 1) / 2).apply(way - along) * np.sin(t * angle / 2) / np.sin(angle / 2)
-    return cv + Rotation.from_rotvec(turn * t).apply(X - cv) + t * along + across
+    size = 1 + (scale - 1) * t
+    return cv + Rotation.from_rotvec(turn * t).apply(X - cv) * size + t * along + across
 
 
 def main():
