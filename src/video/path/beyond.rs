@@ -22,8 +22,8 @@ const ALONG: usize = 9;
 const DEPTHS: usize = 10;
 /// Rim of a neighbor that shows nothing: its feather and the error of chained motions, as a fraction of the width.
 const RIM: f64 = 0.01;
-/// Half of an object around the middle of its points, as a fraction of the width: half a cell of the 16 × 9 in which objects are told
-/// from the background.
+/// Half of an object around the middle of its points, as a fraction of the width: half a cell of the 16 × 9 in which objects are
+/// distinguished from the background.
 const OBJECT_RADIUS: f64 = 1.0 / 32.0;
 /// Most that is mirrored beyond a side, as a fraction of the frame: a strip that is seen no more than the feather in front of it.
 const MIRRORED: f64 = 0.01;

@@ -65,7 +65,8 @@ pub(super) use rotation_paths::neighbors;
 pub struct TrajectoryOptions {
     /// Iterations that make each shape as rigid as possible towards both meshes; 0 for the Poisson solution.
     ///
-    /// Convergence is fast: after 10 iterations frames of a running horse still change by 10⁻⁴ of its size.
+    /// After 10 iterations frames of a running horse change by 1.5·10⁻⁴ of its size with each further one, and are 5·10⁻³ from those after
+    /// 100 (root mean square).
     #[serde(alias = "rounds")]
     #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 10_000), extend("aliases" = ["rounds"])))]
     pub iterations: usize,
