@@ -8,10 +8,12 @@ mod landmarks;
 mod quality;
 mod refinement;
 mod registration;
+mod relaxation;
 mod sphere;
 #[cfg(test)]
 mod tests;
 mod unfolding;
+mod walk;
 
 use serde::{Deserialize, Serialize};
 
@@ -27,9 +29,11 @@ pub use sphere::{over_spheres, sphere_map};
 
 use super::MorphError;
 use super::bvh::SurfacePoint;
-use crate::mesh::{HalfEdges, TriMesh};
+use crate::mesh::{HalfEdges, RepairOptions, TriMesh, repair};
 use plumbline_num::run::Run;
 use plumbline_num::spatial::numbered_components;
+use relaxation::relax;
+use walk::Ground;
 
 /// Correspondence method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,7 +45,7 @@ pub enum CorrespondenceMethod {
     Auto,
     /// Non-rigid registration: any topology; the map may have fold-overs
     Registration,
-    /// Over the sphere: closed surfaces of genus 0; bijective
+    /// Over the sphere: closed surfaces of genus 0; few folds
     Sphere,
     /// Over the disk: surfaces of genus 0 with one boundary; bijective
     Disk,
@@ -92,7 +96,8 @@ pub struct Correspondence {
 /// Maps the first mesh onto the second with corresponding landmarks, given as vertices of both.
 ///
 /// [`CorrespondenceMethod::Auto`] takes registration, the fastest, unless its map fails a check ([`MapQuality::failed_checks`]); then a
-/// bijective map, where the topology of both meshes has one, and of the two the one that exceeds its limits by the smaller factor.
+/// map over the sphere or the disk, where the topology of both meshes has one, and of the two the one that exceeds its limits by the
+/// smaller factor.
 ///
 /// # Errors
 /// [`MorphError::Landmarks`], [`MorphError::Empty`], [`MorphError::Topology`], [`MorphError::Numerics`],
@@ -104,15 +109,26 @@ pub fn correspond(
     options: &CorrespondenceOptions,
     run: &Run,
 ) -> Result<Correspondence, MorphError> {
-    let by = |method| {
-        let points = match method {
-            CorrespondenceMethod::Sphere => over_spheres(first, second, landmarks, run)?,
-            CorrespondenceMethod::Disk => over_disks(first, second, landmarks, run)?,
-            _ => register(first, second, landmarks, &options.registration, run)?,
-        };
+    let of_points = |method, points: Vec<SurfacePoint>| -> Result<Correspondence, MorphError> {
         let mapped = first.with_positions(points.iter().map(|p| p.point).collect())?;
         let quality = measure(first, &mapped, second, landmarks, run)?;
         Ok(Correspondence { method, points, mapped, quality })
+    };
+    let by = |method| {
+        let points = match method {
+            CorrespondenceMethod::Sphere => of_manifold(first, landmarks, run, |m, l| over_spheres(m, second, l, run))?,
+            CorrespondenceMethod::Disk => of_manifold(first, landmarks, run, |m, l| over_disks(m, second, l, run))?,
+            _ => register(first, second, landmarks, &options.registration, run)?,
+        };
+        let map = of_points(method, points)?;
+        // The sphere method ends so. A map that passes keeps what it made of features; relaxation knows only landmarks.
+        if method == CorrespondenceMethod::Sphere || map.excess() <= 1.0 {
+            return Ok(map);
+        }
+        let mut points = map.points.clone();
+        relax(first, &Ground::new(second), &mut points, &kept(first, landmarks), run)?;
+        let relaxed = of_points(method, points)?;
+        Ok(if relaxed.excess() < map.excess() { relaxed } else { map })
     };
     if options.method != CorrespondenceMethod::Auto {
         return by(options.method);
@@ -130,6 +146,35 @@ pub fn correspond(
         }
     }
     Ok(best)
+}
+
+/// The vertices that relaxation of a map keeps: landmarks, and those at the border.
+fn kept(mesh: &TriMesh, landmarks: &[(u32, u32)]) -> Vec<bool> {
+    let mut kept = Ground::new(mesh).border();
+    for l in landmarks {
+        kept[l.0 as usize] = true;
+    }
+    kept
+}
+
+/// The map of a mesh by a method for manifolds. Sheets that touch in a vertex or an edge are taken apart before and put together after,
+/// in one of the two places.
+fn of_manifold(
+    first: &TriMesh,
+    landmarks: &[(u32, u32)],
+    run: &Run,
+    map: impl Fn(&TriMesh, &[(u32, u32)]) -> Result<Vec<SurfacePoint>, MorphError>,
+) -> Result<Vec<SurfacePoint>, MorphError> {
+    if HalfEdges::new(first).is_ok() {
+        return map(first, landmarks);
+    }
+    let apart = repair(first, &RepairOptions::default(), run)?;
+    let Some(copies) = apart.vertex_of_source.iter().copied().collect::<Option<Vec<u32>>>() else {
+        return map(first, landmarks);
+    };
+    let landmarks: Vec<_> = landmarks.iter().map(|&(v, w)| (copies[v as usize], w)).collect();
+    let points = map(&apart.mesh, &landmarks)?;
+    Ok(copies.iter().map(|v| points[*v as usize]).collect())
 }
 
 impl Correspondence {

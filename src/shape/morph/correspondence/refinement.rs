@@ -56,9 +56,10 @@ pub fn refine(
     Ok(refined)
 }
 
-type Edge = (u32, u32);
+/// The ends of an edge, ascending.
+pub(super) type Edge = (u32, u32);
 
-fn edge(a: u32, b: u32) -> Edge {
+pub(super) fn edge(a: u32, b: u32) -> Edge {
     (a.min(b), a.max(b))
 }
 

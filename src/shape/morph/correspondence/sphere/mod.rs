@@ -19,7 +19,6 @@
 //! E. Praun, H. Hoppe, *Spherical parametrization and remeshing*, SIGGRAPH 2003.
 
 mod collapse;
-mod distortion;
 mod kernel;
 mod overlay;
 mod stretch;

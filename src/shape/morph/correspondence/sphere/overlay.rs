@@ -3,23 +3,29 @@
 //! The second surface is embedded freely. The first is embedded towards its non-rigid registration on the second, as far as that is
 //! bijective: every vertex has a target, with a penalty that grows after all vertices are reinserted. Without targets the limbs of the
 //! two surfaces would be at different positions. Then landmarks move to their targets while the other vertices relax without
-//! inversions; finally the other vertices reduce the distortion of the map itself ([`relax`]), away from the folds of the registration.
-//! Each vertex of the first is in a triangle of the second.
+//! inversions. Each vertex of the first is now in a triangle of the second.
 //!
-//! Triangles that oppose the second surface, of spot on a bunny and of a head on a bunny: 4.6 and 9.2 % with a penalty that grows again at
-//! the end in place of the relaxation, 1.2 and 6.3 % with both, 0.3 and 2.9 % with the relaxation alone (`benches/peers/morph_pairs.py`).
+//! Finally the vertices walk on the second surface to reduce the distortion of the map itself ([`relax`]), at first together with vertices
+//! in the middle of edges that bulge. A triangle that reaches from one leg to the other does not show to its corners that the way
+//! is long, over the crotch; those between do.
+//!
+//! What each of these is worth, on ten pairs of models, is in `docs/ABLATIONS.md`.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix3, Point3, Vector3, center};
 
 use super::super::super::MorphError;
 use super::super::super::bvh::{Bvh, CORNERS, SurfacePoint};
 use super::super::MAX_LANDMARK_ITERATIONS;
+use super::super::refinement::{Edge, divided, edge};
 use super::super::registration::{RegistrationOptions, corner_of_vertices, register};
-use super::distortion::{Ground, relax};
+use super::super::relaxation::relax;
+use super::super::walk::Ground;
 use super::stretch::Target;
 use super::{SphereEmbedding, sphere_map};
-use crate::mesh::TriMesh;
 use crate::mesh::operators::barycentric_areas;
+use crate::mesh::{MeshError, TriMesh};
 use plumbline_num::run::{Run, Stopped};
 
 /// Distance on the sphere below which a landmark is at its target, for exact vertices in the result.
@@ -65,10 +71,77 @@ pub fn over_spheres(
         let (triangle, weights) = exact.unwrap_or_else(|| located(&bvh, &sphere, at));
         Ok(SurfacePoint::on(second, triangle, weights))
     };
-    let mut points: Vec<SurfacePoint> =
-        embedding.at.iter().enumerate().map(point).collect::<Result<_, MorphError>>()?;
-    relax(&mut embedding, &Ground::new(second, &goal)?, &mut points, &fixed, run)?;
+    let points: Vec<SurfacePoint> = embedding.at.iter().enumerate().map(point).collect::<Result<_, MorphError>>()?;
+    let on_sphere = |at: &Vector3<f64>| {
+        let (triangle, weights) = located(&bvh, &sphere, at);
+        SurfacePoint::on(second, triangle, weights)
+    };
+    let mut finer = Finer { mesh: first.clone(), at: embedding.at, points };
+    for _ in 0..MAX_BISECTIONS {
+        run.check()?;
+        let bulging = finer.bulging(&on_sphere, MIN_BULGE * second.diagonal());
+        if bulging.is_empty() {
+            break;
+        }
+        finer.bisect(bulging)?;
+    }
+    let Finer { mesh: finer, mut points, .. } = finer;
+    let ground = Ground::new(second);
+    fixed.resize(points.len(), false);
+    relax(&finer, &ground, &mut points, &fixed, run)?;
+    points.truncate(first.vertex_count());
+    relax(first, &ground, &mut points, &fixed[..first.vertex_count()], run)?;
     Ok(points)
+}
+
+/// Bisections at most of edges that bulge.
+const MAX_BISECTIONS: usize = 3;
+/// Distance of the middle of an edge on the second surface from that of its ends, over their distance, above which it bulges.
+const MAX_BULGE: f64 = 0.25;
+/// The same in diagonals of the second surface: what is nearer is not seen.
+const MIN_BULGE: f64 = 0.002;
+
+/// The first surface with vertices in the middle of edges.
+struct Finer {
+    mesh: TriMesh,
+    /// On the sphere.
+    at: Vec<Vector3<f64>>,
+    /// On the second surface.
+    points: Vec<SurfacePoint>,
+}
+
+impl Finer {
+    /// The edges whose middle on the sphere is far from the chord between their ends, with it.
+    fn bulging(
+        &self,
+        on_sphere: &impl Fn(&Vector3<f64>) -> SurfacePoint,
+        least: f64,
+    ) -> Vec<(Edge, Vector3<f64>, SurfacePoint)> {
+        let corners = |t: &[u32; 3]| [edge(t[0], t[1]), edge(t[1], t[2]), edge(t[2], t[0])];
+        let edges: BTreeSet<Edge> = self.mesh.triangles().iter().flat_map(corners).collect();
+        let bulge = |(a, b): Edge| {
+            let at = (self.at[a as usize] + self.at[b as usize]).try_normalize(1e-12)?;
+            let middle = on_sphere(&at);
+            let [p, q] = [a, b].map(|v| self.points[v as usize].point);
+            let off = (middle.point - center(&p, &q)).norm();
+            (off > least.max(MAX_BULGE * (q - p).norm())).then_some(((a, b), at, middle))
+        };
+        edges.into_iter().filter_map(bulge).collect()
+    }
+
+    fn bisect(&mut self, bulging: Vec<(Edge, Vector3<f64>, SurfacePoint)>) -> Result<(), MeshError> {
+        let mut positions = self.mesh.positions().to_vec();
+        let mut middle_of = BTreeMap::new();
+        for ((a, b), at, point) in bulging {
+            middle_of.insert((a, b), positions.len() as u32);
+            positions.push(center(&positions[a as usize], &positions[b as usize]));
+            self.at.push(at);
+            self.points.push(point);
+        }
+        let triangles = self.mesh.triangles().iter().flat_map(|t| divided(t, &middle_of)).collect();
+        self.mesh = TriMesh::new(positions, triangles)?;
+        Ok(())
+    }
 }
 
 /// Weight of the target positions relative to the stretch energy (area squared). Smaller values leave limbs at their random initial

@@ -151,35 +151,6 @@ fn the_automatic_method_takes_registration_where_it_passes_and_else_the_map_that
 }
 
 #[test]
-fn relaxation_of_a_distorted_map_restores_the_identity() {
-    // The surface twice on the same sphere, with vertices of the first displaced without inversions.
-    let mesh = shapes::icosphere(3);
-    let at = sphere_map(&mesh, "second", &Run::default()).unwrap();
-    let mut embedding = SphereEmbedding::new(&mesh, "first", Vec::new(), &[], &Run::default()).unwrap();
-    let mut rng = fastrand::Rng::with_seed(3);
-    for v in 0..at.len() {
-        let aside = Vector3::from_fn(|_, _| 0.1 * (rng.f64() - 0.5));
-        embedding.step(v as u32, &(embedding.at[v] + aside).normalize());
-    }
-    let corner_of = super::super::registration::corner_of_vertices(&mesh);
-    let ground = distortion::Ground::new(&mesh, &at).unwrap();
-    let sphere = mesh.with_positions(at.iter().map(|p| Point3::from(*p)).collect()).unwrap();
-    let bvh = crate::morph::bvh::Bvh::new(&sphere);
-    let near = |p: &Vector3<f64>| bvh.nearest(&Point3::from(*p), |_| true).unwrap();
-    let mut points: Vec<_> = embedding.at.iter().map(near).collect();
-    for (v, point) in points.iter_mut().enumerate().take(3) {
-        let (triangle, corner) = corner_of[v].unwrap();
-        *point = crate::morph::bvh::SurfacePoint::on(&mesh, triangle, crate::morph::bvh::CORNERS[corner]);
-        embedding.at[v] = at[v];
-    }
-    let fixed: Vec<bool> = (0..at.len()).map(|v| v < 3).collect();
-    distortion::relax(&mut embedding, &ground, &mut points, &fixed, &Run::default()).unwrap();
-    assert_bijective(&mesh, &embedding.at);
-    let off = points.iter().zip(mesh.positions()).map(|(p, q)| (p.point - q).norm()).fold(0.0, f64::max);
-    assert!(off < 0.05, "{off}");
-}
-
-#[test]
 fn surfaces_of_other_topology_are_rejected() {
     let message = |mesh: &TriMesh| sphere_map(mesh, "second", &Run::default()).unwrap_err().to_string();
     assert!(message(&shapes::plane(3)).contains("the second mesh has a boundary: 12 edges"));
