@@ -59,8 +59,13 @@ pub fn refine(
 /// The ends of an edge, ascending.
 pub(super) type Edge = (u32, u32);
 
-pub(super) fn edge(a: u32, b: u32) -> Edge {
+fn edge(a: u32, b: u32) -> Edge {
     (a.min(b), a.max(b))
+}
+
+/// The edges of a mesh, each once.
+pub(super) fn edges(mesh: &TriMesh) -> BTreeSet<Edge> {
+    mesh.triangles().iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect()
 }
 
 fn edges_to_bisect(
@@ -71,10 +76,8 @@ fn edges_to_bisect(
     run: &Run,
 ) -> Result<BTreeSet<Edge>, MorphError> {
     let p = mapped.positions();
-    let all: BTreeSet<Edge> =
-        mapped.triangles().iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
     let mut bisected = BTreeSet::new();
-    for (a, b) in all {
+    for (a, b) in edges(mapped) {
         run.check()?;
         let off = target.nearest(&center(&p[a as usize], &p[b as usize]))?.squared > far;
         bisected.extend(off.then_some((a, b)));

@@ -31,13 +31,13 @@ use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::math::Lists;
 use plumbline_num::run::{Run, Stopped};
 
-/// `ε`, one after the other. A map that starts at 0.1 stays uneven: folds of an elephant on an armadillo 1.2 % for 0.2 %.
+/// `ε`, one after the other. A map that starts at 0.1 stays uneven (`docs/ABLATIONS.md`, "Maps between unlike meshes").
 const EPSILONS: [f64; 5] = [1.0, 0.3, 0.09, 0.03, 0.01];
 /// Minimum area of a triangle in its squared edges, so that slivers of the first surface are no barriers.
 const MIN_AREA: f64 = 1e-3;
 /// Minimum relative decrease of the energy around a vertex; below it the vertex rests until a neighbor moves.
 const MIN_DECREASE: f64 = 1e-3;
-/// Visits, on average of all vertices, for each `ε`: a bound on time; of ten pairs of models none comes near it.
+/// Maximum visits in one descent, on average of all vertices: a bound on time where the energy keeps falling.
 const MAX_VISITS: usize = 1000;
 /// Maximum descents around folds of the mapped mesh.
 const MAX_UNFOLDINGS: usize = 10;
@@ -251,6 +251,10 @@ impl Map<'_> {
                 hessian += curvature;
             }
             longest = corners.iter().map(|c| (c.point - self.feet[v].point).norm()).fold(longest, f64::max);
+        }
+        // Coordinates near the limits of numbers overflow.
+        if !hessian.iter().all(|h| h.is_finite()) {
+            return None;
         }
         let eigen = SymmetricEigen::new(hessian);
         let least = MIN_CURVATURE * eigen.eigenvalues.amax();

@@ -11,14 +11,14 @@
 //!
 //! What each of these is worth, on ten pairs of models, is in `docs/ABLATIONS.md`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Point3, Vector3, center};
 
 use super::super::super::MorphError;
 use super::super::super::bvh::{Bvh, CORNERS, SurfacePoint};
 use super::super::MAX_LANDMARK_ITERATIONS;
-use super::super::refinement::{Edge, divided, edge};
+use super::super::refinement::{Edge, divided, edges};
 use super::super::registration::{RegistrationOptions, corner_of_vertices, register};
 use super::super::relaxation::relax;
 use super::super::walk::Ground;
@@ -78,8 +78,7 @@ pub fn over_spheres(
     };
     let mut finer = Finer { mesh: first.clone(), at: embedding.at, points };
     for _ in 0..MAX_BISECTIONS {
-        run.check()?;
-        let bulging = finer.bulging(&on_sphere, MIN_BULGE * second.diagonal());
+        let bulging = finer.bulging(&on_sphere, MIN_BULGE * second.diagonal(), run)?;
         if bulging.is_empty() {
             break;
         }
@@ -116,17 +115,20 @@ impl Finer {
         &self,
         on_sphere: &impl Fn(&Vector3<f64>) -> SurfacePoint,
         least: f64,
-    ) -> Vec<(Edge, Vector3<f64>, SurfacePoint)> {
-        let corners = |t: &[u32; 3]| [edge(t[0], t[1]), edge(t[1], t[2]), edge(t[2], t[0])];
-        let edges: BTreeSet<Edge> = self.mesh.triangles().iter().flat_map(corners).collect();
-        let bulge = |(a, b): Edge| {
-            let at = (self.at[a as usize] + self.at[b as usize]).try_normalize(1e-12)?;
+        run: &Run,
+    ) -> Result<Vec<(Edge, Vector3<f64>, SurfacePoint)>, Stopped> {
+        let mut bulging = Vec::new();
+        for (a, b) in edges(&self.mesh) {
+            run.check()?;
+            let Some(at) = (self.at[a as usize] + self.at[b as usize]).try_normalize(1e-12) else { continue };
             let middle = on_sphere(&at);
             let [p, q] = [a, b].map(|v| self.points[v as usize].point);
             let off = (middle.point - center(&p, &q)).norm();
-            (off > least.max(MAX_BULGE * (q - p).norm())).then_some(((a, b), at, middle))
-        };
-        edges.into_iter().filter_map(bulge).collect()
+            if off > least.max(MAX_BULGE * (q - p).norm()) {
+                bulging.push(((a, b), at, middle));
+            }
+        }
+        Ok(bulging)
     }
 
     fn bisect(&mut self, bulging: Vec<(Edge, Vector3<f64>, SurfacePoint)>) -> Result<(), MeshError> {
