@@ -1,6 +1,6 @@
 //! Errors of morphing.
 
-use crate::mesh::MeshError;
+use crate::mesh::{MeshError, TriMesh};
 use plumbline_num::document::{DocumentError, VERSION};
 use plumbline_num::run::Stopped;
 use plumbline_num::sparse::SparseError;
@@ -39,6 +39,14 @@ pub enum MorphError {
     Empty {
         /// Which mesh.
         which: &'static str,
+    },
+    /// Input: a mesh whose areas are beyond double precision when squared.
+    #[error("the {which} mesh is {diagonal:.1e} units large; scale it to a size near 1")]
+    Size {
+        /// Which mesh.
+        which: &'static str,
+        /// Diagonal of its bounding box.
+        diagonal: f64,
     },
     /// Input: a number outside its range.
     #[error("{what} is {value} (expected {expected})")]
@@ -130,6 +138,16 @@ pub enum MorphError {
     /// The run was interrupted, or its time is used up.
     #[error(transparent)]
     Interrupted(#[from] Stopped),
+}
+
+/// Refuses a mesh whose areas cannot be squared.
+pub(super) fn check_size(mesh: &TriMesh, which: &'static str) -> Result<(), MorphError> {
+    let diagonal = mesh.diagonal();
+    // A mesh without extent is refused by name where its area counts.
+    if diagonal == 0.0 || diagonal.powi(4).is_normal() {
+        return Ok(());
+    }
+    Err(MorphError::Size { which, diagonal })
 }
 
 fn corners(triangle: Option<&[u32; 3]>) -> String {

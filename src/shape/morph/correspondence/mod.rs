@@ -29,6 +29,7 @@ pub use sphere::{over_spheres, sphere_map};
 
 use super::MorphError;
 use super::bvh::SurfacePoint;
+use super::error::check_size;
 use crate::mesh::{HalfEdges, RepairOptions, TriMesh, repair};
 use plumbline_num::run::Run;
 use plumbline_num::spatial::numbered_components;
@@ -100,7 +101,7 @@ pub struct Correspondence {
 /// smaller factor.
 ///
 /// # Errors
-/// [`MorphError::Landmarks`], [`MorphError::Empty`], [`MorphError::Topology`], [`MorphError::Numerics`],
+/// [`MorphError::Landmarks`], [`MorphError::Empty`], [`MorphError::Size`], [`MorphError::Topology`], [`MorphError::Numerics`],
 /// [`MorphError::Interrupted`].
 pub fn correspond(
     first: &TriMesh,
@@ -109,6 +110,8 @@ pub fn correspond(
     options: &CorrespondenceOptions,
     run: &Run,
 ) -> Result<Correspondence, MorphError> {
+    check_size(first, "first")?;
+    check_size(second, "second")?;
     let of_points = |method, points: Vec<SurfacePoint>| -> Result<Correspondence, MorphError> {
         let mapped = first.with_positions(points.iter().map(|p| p.point).collect())?;
         let quality = measure(first, &mapped, second, landmarks, run)?;

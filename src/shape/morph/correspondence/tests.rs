@@ -76,7 +76,7 @@ fn a_component_without_a_landmark_is_mapped_too() {
 }
 
 #[test]
-fn too_few_landmarks_and_empty_surfaces_are_rejected() {
+fn too_few_landmarks_and_surfaces_without_area_or_beyond_numbers_are_rejected() {
     let mesh = shapes::icosphere(1);
     let refused = |second: &TriMesh, landmarks: &[(u32, u32)]| {
         correspond(&mesh, second, landmarks, &CorrespondenceOptions::default(), &Run::default()).unwrap_err()
@@ -84,6 +84,11 @@ fn too_few_landmarks_and_empty_surfaces_are_rejected() {
     assert_eq!(refused(&mesh, &[(0, 0), (1, 1)]), MorphError::Landmarks { given: 2, expected: 3 });
     let points = TriMesh::new(mesh.positions().to_vec(), Vec::new()).unwrap();
     assert_eq!(refused(&points, &[(0, 0), (1, 1), (2, 2)]), MorphError::Empty { which: "second" });
+    for factor in [1e80, 1e-90] {
+        let scaled = mesh.with_positions(mesh.positions().iter().map(|p| p * factor).collect()).unwrap();
+        let error = refused(&scaled, &[(0, 0), (1, 1), (2, 2)]);
+        assert_eq!(error, MorphError::Size { which: "second", diagonal: scaled.diagonal() });
+    }
     let bar = shapes::bar([4, 1, 1], [4.0, 1.0, 1.0]);
     let line: Vec<(u32, u32)> = (0..bar.vertex_count() as u32)
         .filter(|&v| {

@@ -49,6 +49,7 @@ use serde::{Deserialize, Serialize};
 
 use super::MorphError;
 use super::elastic_solve::ElasticSolve;
+use super::error::check_size;
 use super::rigid::{Screw, centroid, nearest_similarity};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
@@ -118,9 +119,11 @@ impl Trajectory {
     ///
     /// # Errors
     /// [`MorphError::VertexCounts`], [`MorphError::Triangles`] where the meshes are not two poses of one;
-    /// [`MorphError::Numerics`], [`MorphError::Interrupted`].
+    /// [`MorphError::Size`], [`MorphError::Numerics`], [`MorphError::Interrupted`].
     pub fn new(first: &TriMesh, second: &TriMesh, options: &TrajectoryOptions, run: &Run) -> Result<Self, MorphError> {
         same_connectivity(first, second)?;
+        check_size(first, "first")?;
+        check_size(second, "second")?;
         let weights = area_fractions(first, second);
         let motion = global_motion(first, second, &weights, options.full_rotations);
         let aligned: Vec<_> = second.positions().iter().map(|p| motion.inverse(p)).collect();

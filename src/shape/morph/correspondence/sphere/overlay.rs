@@ -3,7 +3,8 @@
 //! The second surface is embedded freely. The first is embedded towards its non-rigid registration on the second, as far as that is
 //! bijective: every vertex has a target, with a penalty that grows after all vertices are reinserted. Without targets the limbs of the
 //! two surfaces would be at different positions. Then landmarks move to their targets while the other vertices relax without
-//! inversions. Each vertex of the first is now in a triangle of the second.
+//! inversions. Each vertex of the first is now in a triangle of the second; landmarks that could not get there are simply set on their vertices,
+//! since what follows unties the folds that this makes.
 //!
 //! Finally the vertices walk on the second surface to reduce the distortion of the map itself ([`relax`]), at first together with vertices
 //! in the middle of edges that bulge. A triangle that reaches from one leg to the other does not show to its corners that the way
@@ -28,7 +29,7 @@ use crate::mesh::operators::barycentric_areas;
 use crate::mesh::{MeshError, TriMesh};
 use plumbline_num::run::{Run, Stopped};
 
-/// Distance on the sphere below which a landmark is at its target, for exact vertices in the result.
+/// Distance on the sphere below which a landmark is at its target.
 const COINCIDENT: f64 = 1e-12;
 
 /// Maps the vertices of `first` to points on `second`, over the sphere.
@@ -61,9 +62,7 @@ pub fn over_spheres(
     let corner_of = corner_of_vertices(second);
     let mut vertex_of = vec![None; first.vertex_count()];
     for &(v, w) in landmarks {
-        if (embedding.at[v as usize] - goal[w as usize]).norm() <= COINCIDENT {
-            vertex_of[v as usize] = corner_of[w as usize];
-        }
+        vertex_of[v as usize] = corner_of[w as usize];
     }
     let point = |(v, at): (usize, &Vector3<f64>)| {
         run.check()?;
