@@ -201,11 +201,12 @@ def portraits(a):
         marks = a.marks / f"{source.stem}.lines.json"
         fov = int(source.stem.rpartition("_")[2])
         size = cv2.imread(str(source)).shape[1::-1]
-        options = ["--lens", "rectilinear", "--fov", fov, "--fov-axis", "d", "--faces", faces, "--lines",
-                   marks if marks.exists() else "off"]
+        # Of the group photos faces are not marked: they are found.
+        options = ["--lens", "rectilinear", "--fov", fov, "--fov-axis", "d", "--faces", faces if faces.exists() else "auto",
+                   "--lines", marks if marks.exists() else "off"]
         lines = photo_maps.marked_lines(marks) if marks.exists() else None
-        compared(a, source, photo_maps.pinhole(size, fov), lines, json.loads(faces.read_text()), options, rows,
-                 PROJECTIONS[:3])
+        marked = json.loads(faces.read_text()) if faces.exists() else None
+        compared(a, source, photo_maps.pinhole(size, fov), lines, marked, options, rows, PROJECTIONS[:3])
     table(rows, ["worst px", "max/len", "ends", "lines shown", "face", "faces shown", "qc p95", "folds", "mesh folds", "valid",
                  "source", "out"])
     return rows
