@@ -14,8 +14,9 @@ use plumbline_num::run::Run;
 /// Fields of view along the width of the initial guesses, degrees: closer together than the basins of attraction are
 /// wide.
 const INITIAL_FIELDS_DEG: [f64; 6] = [30.0, 60.0, 90.0, 120.0, 150.0, 185.0];
-/// Iterations from each initial guess: enough to rank them.
+/// Iterations from each initial guess, and samples per line: enough to rank them.
 const TRIAL_STEPS: usize = 8;
+const TRIAL_SAMPLES: usize = 9;
 /// Maximum number of iterations of each later fit: a limit for ill-conditioned models, the tolerance usually ends it.
 const MAX_STEPS: usize = 40;
 /// Iterations of the robust reweighting of lines.
@@ -30,7 +31,7 @@ const OUTLIER_SCALE: f64 = 4.0;
 /// Minimum rms of an outlier, as a fraction of the diagonal: half a pixel of a photo of a megapixel, the scatter of
 /// marks by hand.
 const MIN_OUTLIER_RMS: f64 = 4e-4;
-/// Steps of the central differences: of `ln f`, of the center (px), of the radial terms; all shift a sample by about
+/// Steps of the differences: of `ln f`, of the center (px), of the radial terms; all shift a sample by about
 /// the same 10⁻² px in a photo of 1000 px.
 const STEPS: [f64; PARAMETERS] = [1e-5, 1e-2, 1e-2, 1e-5, 1e-5];
 
@@ -70,6 +71,15 @@ impl Samples {
         Ok(Self { lines, size })
     }
 
+    /// The same lines with at most so many of their samples, evenly from end to end.
+    fn thinned(&self, most: usize) -> Self {
+        let thin = |points: &Vec<Point2>| {
+            let kept = points.len().min(most);
+            (0..kept).map(|i| points[i * (points.len() - 1) / (kept - 1)]).collect()
+        };
+        Self { lines: self.lines.iter().map(thin).collect(), size: self.size }
+    }
+
     /// Number of lines.
     pub(super) fn lines(&self) -> usize {
         self.lines.len()
@@ -106,16 +116,17 @@ pub(super) struct Fit {
 impl Fit {
     /// The best fit over all initial guesses; `None` if none of them sees all samples, or the run was stopped.
     pub(super) fn new(samples: &Samples, model: LensModel, options: &CalibrationOptions, run: &Run) -> Option<Self> {
-        let mut problem = Problem::new(samples, model, options);
+        let some = samples.thinned(TRIAL_SAMPLES);
+        let mut trial = Problem::new(&some, model, options);
         let mut best: Option<(f64, Parameters)> = None;
         for start in initial_guesses(model, samples.size) {
-            problem.x = start;
-            if let Some(cost) =
-                problem.run(TRIAL_STEPS, run).filter(|c| best.as_ref().is_none_or(|(least, _)| c < least))
+            trial.x = start;
+            if let Some(cost) = trial.run(TRIAL_STEPS, run).filter(|c| best.as_ref().is_none_or(|(least, _)| c < least))
             {
-                best = Some((cost, problem.x));
+                best = Some((cost, trial.x));
             }
         }
+        let mut problem = Problem::new(samples, model, options);
         problem.x = best?.1;
         for _ in 0..REWEIGHTINGS {
             problem.soften(options.mark_sigma)?;
@@ -316,19 +327,15 @@ impl DampedProblem for Problem<'_> {
         let Some(r) = self.residuals(&self.x) else { return };
         let mut jacobian = DMatrix::zeros(r.len(), p);
         for (j, step) in STEPS.into_iter().enumerate().take(p) {
-            let at = |sign: f64| {
+            let slope = |step: f64| {
                 let mut x = self.x;
-                x[j] += sign * step;
-                self.residuals(&x)
+                x[j] += step;
+                Some((self.residuals(&x)? - &r) / step)
             };
             // At the edge of the field one side may see nothing.
-            let slope = match (at(1.0), at(-1.0)) {
-                (Some(after), Some(before)) => (after - before) / (2.0 * step),
-                (Some(after), None) => (after - &r) / step,
-                (None, Some(before)) => (&r - before) / step,
-                (None, None) => continue,
-            };
-            jacobian.set_column(j, &slope);
+            if let Some(slope) = slope(step).or_else(|| slope(-step)) {
+                jacobian.set_column(j, &slope);
+            }
         }
         self.h = jacobian.tr_mul(&jacobian);
         self.g = jacobian.tr_mul(&r);

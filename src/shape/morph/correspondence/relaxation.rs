@@ -184,7 +184,9 @@ fn normals_around(mesh: &TriMesh) -> Vec<Vector3<f64>> {
     let normals: Vec<Vector3<f64>> = (0..mesh.triangle_count()).map(|t| mesh.area_normal(t)).collect();
     let mut sums = vec![Vector3::zeros(); mesh.vertex_count()];
     for (corners, normal) in mesh.triangles().iter().zip(&normals) {
-        corners.iter().for_each(|v| sums[*v as usize] += normal);
+        for v in corners {
+            sums[*v as usize] += normal;
+        }
     }
     let around = |(corners, own): (&[u32; 3], &Vector3<f64>)| {
         let others: Vector3<f64> = corners.iter().map(|v| sums[*v as usize] - own).sum();
@@ -247,7 +249,9 @@ impl Map<'_> {
         if let Some(around) = &self.around_each {
             let surface = feet.iter().map(|f| f.normal).sum::<Vector3<f64>>().try_normalize(0.0).unwrap_or_default();
             let normal = surface + around[t as usize] * AROUND;
-            feet.iter_mut().for_each(|f| f.normal = normal);
+            for foot in &mut feet {
+                foot.normal = normal;
+            }
         }
         feet
     }
