@@ -42,8 +42,8 @@ const MIN_DECREASE: f64 = 1e-3;
 const MAX_VISITS: usize = 1000;
 /// Maximum descents around folds of the mapped mesh.
 const MAX_UNFOLDINGS: usize = 20;
-/// Weight of the normal of the triangles around one, beside that of the surface. With 1 and 1.5 more folds remain, without the surface's
-/// up to 10 % of the triangles oppose it (`docs/ABLATIONS.md`).
+/// Weight of the normal of the triangles around one, beside that of the surface. With 1 and 1.5 fewer pairs of models pass, without the
+/// surface's up to 10 % of the triangles oppose it (`docs/ABLATIONS.md`).
 const AROUND: f64 = 2.0;
 /// Shortening of a step in the line search, and its minimum fraction.
 const SHORTER: f64 = 0.4;
