@@ -49,7 +49,7 @@ pub fn measure_straightness(
         if course.windows(2).any(|p| (p[1].x - p[0].x).abs() > 0.5 * luma.width() as f64) {
             return None;
         }
-        let source = tracer.trace(&course)?.smooth(MAX_OFF).points.into_iter();
+        let source = tracer.trace(&course, EdgeTracer::REACH)?.smooth(MAX_OFF).points.into_iter();
         let edge = source.filter_map(|p| (warp.forward)(Point2::from(p.coords.component_div(&per))));
         bend(&edge.filter(|p| shown.contains(*p)).collect::<Vec<_>>())
     };

@@ -11,6 +11,16 @@
 //! refined by a parabola; either sign counts. The course ahead is the parabola `y = a + b t + c t²` that fits the last
 //! [`WINDOW`] px, so that an edge that a lens bends is followed too. It ends where no step of [`MIN_CONTRAST`] is found for longer
 //! than [`MAX_GAP`], or where it would bend more than any lens bends a line; the last located sample is its end.
+//!
+//! The course that an edge is followed from may be a few px off, since a detector joins pieces that lie about one line and the lens is
+//! not known exactly. Along it the offsets of all samples are chosen at once, since one by one they would jump to whichever edge
+//! is the nearest. With the step `s` at an offset they maximize
+//!
+//! ```text
+//! Σ s/(s + s₀) (1 − o²/2r²) − 2 λ Σ |oₖ₊₁ − oₖ|,
+//! ```
+//!
+//! by dynamic programming (Amini, Weymouth and Jain 1990); each sample is the edge within a px of its offset.
 
 use super::SmoothCurve;
 use crate::PlaneRef;
@@ -21,8 +31,12 @@ const STEP: f64 = 2.0;
 /// Length of the end of an edge that its continuation is predicted from, px. Shorter ends turn with the noise of a few samples,
 /// longer ones lag behind the curvature of a fisheye's border.
 const WINDOW: f64 = 60.0;
-/// `r`, px: the prediction over a gap is accurate to about one px, and an edge 4 px aside is another one.
-const REACH: f64 = 2.0;
+/// Offsets per px.
+const FINE: usize = 2;
+/// `s₀`, the step in gray levels at which an edge is half as clear as it can be: twice the least.
+const HALF_CLEAR: f64 = 14.0;
+/// `λ`, what a path pays for half a px aside, in clear samples. To another edge 4 px away it pays two, and passes eight samples without an edge.
+const ASIDE: f64 = 0.25;
 /// Least step in gray levels of 255 between two px apart: twice the noise of a photo in the dark.
 const MIN_CONTRAST: f64 = 7.0;
 /// Longest gap, as a fraction of what is seen of the edge, and its bounds, px: corners of tiles blank an edge for three or four px
@@ -41,15 +55,18 @@ pub struct EdgeTracer<'a> {
 }
 
 impl<'a> EdgeTracer<'a> {
+    /// `r` of a course that is known, px: the prediction over a gap is accurate to about one px, and an edge 4 px aside is another one.
+    pub const REACH: usize = 2;
+
     /// On a picture; samples that are not finite belong to no edge.
     pub fn new(luma: PlaneRef<'a, f32>) -> Self {
         Self { luma }
     }
 
     /// The edge along `course`, px, and beyond its ends as far as it goes; `None` where less than half of the course lies along
-    /// an edge.
-    pub fn trace(&self, course: &[Point2]) -> Option<TracedEdge> {
-        let mut points = self.along(course)?;
+    /// an edge. `reach` is how far off the course the edge may be, px: [`Self::REACH`] where the course is measured.
+    pub fn trace(&self, course: &[Point2], reach: usize) -> Option<TracedEdge> {
+        let mut points = self.along(course, reach)?;
         let along = points.len();
         self.extend(&mut points);
         let end = points.len();
@@ -61,21 +78,23 @@ impl<'a> EdgeTracer<'a> {
     }
 
     /// The edge along `course` alone; `None` where less than half of it lies along an edge.
-    pub fn along(&self, course: &[Point2]) -> Option<Vec<Point2>> {
-        let (mut edge, mut asked) = (Vec::new(), 0_usize);
+    fn along(&self, course: &[Point2], reach: usize) -> Option<Vec<Point2>> {
+        let mut profiles = Vec::new();
         // Distance from the next point of the course to the next sample, so that points that lie close count for no more than others.
         let mut ahead = 0.0;
         for pair in course.windows(2) {
             let span = pair[1] - pair[0];
             let Some(tangent) = span.try_normalize(1e-9) else { continue };
             while ahead < span.norm() {
-                asked += 1;
-                edge.extend(self.locate(pair[0] + tangent * ahead, tangent));
+                profiles.push(self.profile(pair[0] + tangent * ahead, tangent, reach));
                 ahead += STEP;
             }
             ahead -= span.norm();
         }
-        (edge.len() >= MIN_SAMPLES && 2 * edge.len() >= asked).then_some(edge)
+        let path = clearest_path(&profiles);
+        let edge: Vec<Point2> =
+            profiles.iter().zip(path).filter_map(|(profile, offset)| profile.as_ref()?.peak_near(offset)).collect();
+        (edge.len() >= MIN_SAMPLES && 2 * edge.len() >= profiles.len()).then_some(edge)
     }
 
     /// Appends what follows the end of an edge.
@@ -104,27 +123,23 @@ impl<'a> EdgeTracer<'a> {
 
     /// The edge nearest to `p` across a course with this tangent.
     fn locate(&self, p: Point2, tangent: Vec2) -> Option<Point2> {
-        /// Offsets per px.
-        const FINE: usize = 2;
-        const SIDE: usize = (REACH as usize + 1) * FINE;
+        let profile = self.profile(p, tangent, Self::REACH)?;
+        let worth = |k: &usize| profile.steps[*k] * profile.nearness(*k);
+        let best = profile.peaks().max_by(|i, j| worth(i).total_cmp(&worth(j)))?;
+        Some(profile.refined(best))
+    }
+
+    /// The steps of gray level across a course at `p`; `None` at the border of the picture.
+    fn profile(&self, p: Point2, tangent: Vec2, reach: usize) -> Option<Profile> {
+        let side = (reach + 1) * FINE;
         let normal = Vec2::new(-tangent.y, tangent.x);
-        let mut levels = [0.0_f64; 2 * (SIDE + FINE) + 1];
-        for (k, level) in levels.iter_mut().enumerate() {
-            let at = p + normal * ((k as f64 - (SIDE + FINE) as f64) / FINE as f64);
-            let (before, here, after) = (self.gray(at - tangent)?, self.gray(at)?, self.gray(at + tangent)?);
-            *level = (before + here + after) / 3.0;
-        }
-        let step = |k: usize| (levels[k + 2 * FINE] - levels[k]).abs();
-        let offset = |k: usize| (k as f64 - SIDE as f64) / FINE as f64;
-        let worth = |k: usize| step(k) * (1.0 - 0.5 * (offset(k) / REACH).powi(2));
-        let peaks = (1..2 * SIDE).filter(|&k| {
-            offset(k).abs() <= REACH && step(k) >= MIN_CONTRAST && step(k) >= step(k - 1) && step(k) >= step(k + 1)
-        });
-        let best = peaks.max_by(|i, j| worth(*i).total_cmp(&worth(*j)))?;
-        let (before, here, after) = (step(best - 1), step(best), step(best + 1));
-        let bend = before - 2.0 * here + after;
-        let shift = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-        Some(p + normal * (offset(best) + shift / FINE as f64))
+        let level = |k: usize| {
+            let at = p + normal * ((k as f64 - (side + FINE) as f64) / FINE as f64);
+            Some((self.gray(at - tangent)? + self.gray(at)? + self.gray(at + tangent)?) / 3.0)
+        };
+        let levels: Vec<f64> = (0..=2 * (side + FINE)).map(level).collect::<Option<_>>()?;
+        let steps = levels.windows(2 * FINE + 1).map(|run| (run[2 * FINE] - run[0]).abs()).collect();
+        Some(Profile { p, normal, reach, steps })
     }
 
     /// The gray level between the four nearest pixels; `None` outside the picture.
@@ -142,6 +157,80 @@ impl<'a> EdgeTracer<'a> {
         };
         Some(row(j) * (1.0 - t) + row(j + 1) * t).filter(|v| v.is_finite())
     }
+}
+
+/// The steps of gray level across a course, every half px.
+#[derive(Debug)]
+struct Profile {
+    p: Point2,
+    normal: Vec2,
+    /// px.
+    reach: usize,
+    /// At offsets from `-reach - 1` to `reach + 1` px.
+    steps: Vec<f64>,
+}
+
+impl Profile {
+    fn offset(&self, k: usize) -> f64 {
+        k as f64 / FINE as f64 - (self.reach + 1) as f64
+    }
+
+    /// From one on the course to a half at the end of the reach.
+    fn nearness(&self, k: usize) -> f64 {
+        1.0 - 0.5 * (self.offset(k) / self.reach as f64).powi(2)
+    }
+
+    /// From zero to one on the course.
+    fn clarity(&self, k: usize) -> f64 {
+        let step = self.steps[k];
+        if step < MIN_CONTRAST { 0.0 } else { step / (step + HALF_CLEAR) * self.nearness(k) }
+    }
+
+    /// The edges within reach.
+    fn peaks(&self) -> impl Iterator<Item = usize> {
+        let step = |k: usize| self.steps[k];
+        (FINE..self.steps.len() - FINE)
+            .filter(move |&k| step(k) >= MIN_CONTRAST && step(k) >= step(k - 1) && step(k) >= step(k + 1))
+    }
+
+    /// Where the edge at a peak is, to a fraction of a px.
+    fn refined(&self, peak: usize) -> Point2 {
+        let (before, here, after) = (self.steps[peak - 1], self.steps[peak], self.steps[peak + 1]);
+        let bend = before - 2.0 * here + after;
+        let shift = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+        self.p + self.normal * (self.offset(peak) + shift / FINE as f64)
+    }
+
+    /// The edge within a px of one of the steps.
+    fn peak_near(&self, step: usize) -> Option<Point2> {
+        let near = self.peaks().filter(|k| k.abs_diff(step) <= FINE);
+        near.max_by(|i, j| self.steps[*i].total_cmp(&self.steps[*j])).map(|peak| self.refined(peak))
+    }
+}
+
+/// Of each profile the step on the clearest path through them; profiles that the border cuts off are passed.
+fn clearest_path(profiles: &[Option<Profile>]) -> Vec<usize> {
+    let count = profiles.iter().flatten().map(|profile| profile.steps.len()).next().unwrap_or(0);
+    let mut sums = vec![0.0_f64; count];
+    let mut came_from: Vec<Vec<usize>> = Vec::with_capacity(profiles.len());
+    for profile in profiles {
+        let over = |j: usize, k: usize| sums[j] - if j == k { 0.0 } else { ASIDE };
+        let best = |k: usize| {
+            let aside = (k.saturating_sub(1)..=(k + 1).min(count - 1)).filter(|j| *j != k);
+            aside.fold(k, |best, j| if over(j, k) > over(best, k) { j } else { best })
+        };
+        let from: Vec<usize> = (0..count).map(best).collect();
+        let clarity = |k| profile.as_ref().map_or(0.0, |profile| profile.clarity(k));
+        sums = (0..count).map(|k| over(from[k], k) + clarity(k)).collect();
+        came_from.push(from);
+    }
+    let mut at = (0..count).max_by(|i, j| sums[*i].total_cmp(&sums[*j])).unwrap_or(0);
+    let mut path = vec![0; profiles.len()];
+    for (step, from) in path.iter_mut().zip(&came_from).rev() {
+        *step = at;
+        at = from.get(at).copied().unwrap_or(0);
+    }
+    path
 }
 
 /// An edge that was followed.
@@ -220,7 +309,8 @@ mod tests {
         let (center, radius) = (Point2::new(150.0, 420.0), 350.0);
         let luma = disk(center, radius);
         let on = |x: f64| Point2::new(x, center.y - (radius * radius - (x - center.x).powi(2)).sqrt());
-        let edge = EdgeTracer::new(luma.as_ref()).trace(&[on(140.0), on(170.0)]).expect("an edge").points;
+        let edge =
+            EdgeTracer::new(luma.as_ref()).trace(&[on(140.0), on(170.0)], EdgeTracer::REACH).expect("an edge").points;
         assert!(edge[0].x < 8.0 && edge[edge.len() - 1].x > 292.0, "{} to {}", edge[0], edge[edge.len() - 1]);
         let worst = edge.iter().map(|p| ((p - center).norm() - radius).abs()).fold(0.0, f64::max);
         assert!(worst < 0.3, "off by {worst} px");
@@ -231,7 +321,7 @@ mod tests {
         let tile = |x: usize, y: usize| if (x / 40 + y / 40).is_multiple_of(2) { 40.0 } else { 200.0 };
         let luma = Plane::from_fn(300, 200, |x, y| if x < 240 { tile(x, y) } else { 120.0_f32 });
         let course = [Point2::new(90.0, 80.0), Point2::new(112.0, 80.0)];
-        let edge = EdgeTracer::new(luma.as_ref()).trace(&course).expect("an edge").points;
+        let edge = EdgeTracer::new(luma.as_ref()).trace(&course, EdgeTracer::REACH).expect("an edge").points;
         assert!(edge[0].x < 8.0, "it begins at {}", edge[0]);
         let end = edge[edge.len() - 1].x;
         assert!((230.0..246.0).contains(&end), "it ends at {end}");
@@ -239,9 +329,31 @@ mod tests {
     }
 
     #[test]
+    fn an_edge_is_kept_where_the_course_leads_to_a_fainter_one() {
+        // Two edges 4 px apart, and a course from the clear one to the faint one.
+        let y = |x: f64| 60.0 + 0.02 * x;
+        let luma = Plane::from_fn(300, 120, |x, row| {
+            let covered = |y: f64| (row as f64 + 1.0 - y).clamp(0.0, 1.0);
+            let y = y(x as f64 + 0.5);
+            (40.0 + 120.0 * covered(y) - 20.0 * covered(y - 4.0)) as f32
+        });
+        let course = [Point2::new(10.0, y(10.0)), Point2::new(290.0, y(290.0) - 4.0)];
+        let off = |reach: usize| {
+            let edge = EdgeTracer::new(luma.as_ref()).trace(&course, reach).expect("an edge").points;
+            edge.iter().map(|p| (p.y - y(p.x)).abs()).fold(0.0, f64::max)
+        };
+        assert!(off(6) < 0.3, "{}", off(6));
+        assert!(off(EdgeTracer::REACH) > 3.0, "out of reach it is not seen");
+    }
+
+    #[test]
     fn no_edge_is_followed_where_there_is_none() {
         let luma = Plane::from_fn(100, 100, |x, _| x as f32);
-        assert_eq!(EdgeTracer::new(luma.as_ref()).trace(&[Point2::new(20.0, 50.0), Point2::new(80.0, 50.0)]), None);
+        assert_eq!(
+            EdgeTracer::new(luma.as_ref())
+                .trace(&[Point2::new(20.0, 50.0), Point2::new(80.0, 50.0)], EdgeTracer::REACH),
+            None
+        );
     }
 
     #[test]

@@ -24,6 +24,9 @@ use plumbline_num::math::{Point2, Vec2};
 
 /// Steps between two marks along which an edge is looked for.
 pub(super) const COURSE: usize = 16;
+/// How far off the course of a line that was found its edge may be, px: pieces within 2 px of one circle in a view of half as many pixels are
+/// joined to a line.
+pub(super) const FOUND_REACH: usize = 4;
 /// Largest median distance of a run of samples from the circle, and of a mark, px, for lines that are measured: half the least
 /// distance between edges that the tracer distinguishes, four times the error of a calibrated lens. At half of it some lines of boards seen by a
 /// fisheye are not followed.
@@ -60,8 +63,10 @@ const MIN_CONTINUATION: f64 = 4.0;
 /// ```
 pub fn continued(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<Line> {
     carried_on(lines, lens, levels, |line, lens, tracer| match line.points.len() {
-        2 => Followed::new(line, lens, tracer, MAX_OFF_LENS)?.ends(line, lens),
-        _ => Followed::new(line, lens, tracer, MAX_OFF)?.with_marks(line),
+        2 => Followed::new(line, lens, tracer, (EdgeTracer::REACH, MAX_OFF_LENS))?
+            .if_marked(line, lens)?
+            .ends(line, lens),
+        _ => Followed::new(line, lens, tracer, (EdgeTracer::REACH, MAX_OFF))?.if_marked(line, lens)?.with_marks(line),
     })
 }
 
@@ -69,7 +74,7 @@ pub fn continued(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<
 /// were found: their ends are not anybody's marks.
 pub(super) fn followed(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<Line> {
     carried_on(lines, lens, levels, |line, lens, tracer| {
-        let followed = Followed::new(line, lens, tracer, MAX_OFF)?;
+        let followed = Followed::new(line, lens, tracer, (FOUND_REACH, MAX_OFF))?;
         Some(followed.measured(followed.known.clone())).filter(|points| points.len() >= 2)
     })
 }
@@ -107,14 +112,19 @@ struct Followed {
 }
 
 impl Followed {
-    /// `None` where no edge is seen along a line, or its marks do not lie on it.
-    fn new(line: &Line, lens: &Lens, tracer: &EdgeTracer<'_>, max_off: f64) -> Option<Self> {
-        let edge = tracer.trace(&line.course(Some(lens), COURSE))?.smooth(MAX_OFF_CUBIC);
+    /// `None` where no edge is seen along a line.
+    fn new(line: &Line, lens: &Lens, tracer: &EdgeTracer<'_>, (reach, max_off): (usize, f64)) -> Option<Self> {
+        let edge = tracer.trace(&line.course(Some(lens), COURSE), reach)?.smooth(MAX_OFF_CUBIC);
         let sights: Vec<Option<Sight>> = edge.points.iter().map(|p| Sight::new(lens, *p)).collect();
         let (known, normal) = supported(&sights, edge.course.clone(), max_off)?;
-        let is_off = |p: &Point2| Sight::new(lens, *p).is_none_or(|mark| !(mark.distance(&normal).abs() <= max_off));
-        let marked = !line.points.iter().any(is_off);
-        marked.then_some(Self { edge, sights, known, normal, max_off })
+        Some(Self { edge, sights, known, normal, max_off })
+    }
+
+    /// Itself where the marks of the line lie on its circle.
+    fn if_marked(self, line: &Line, lens: &Lens) -> Option<Self> {
+        let is_on =
+            |p: &Point2| Sight::new(lens, *p).is_some_and(|mark| mark.distance(&self.normal).abs() <= self.max_off);
+        line.points.iter().all(is_on).then_some(self)
     }
 
     /// Two ends on the circle: where the edge ends, or the mark of an end beyond which it does not go.

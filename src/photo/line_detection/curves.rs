@@ -43,7 +43,7 @@ pub fn curves(luma: PlaneRef<'_, f32>, run: &Run) -> Result<Vec<Line>, Stopped> 
         if occupied.holds(course) {
             continue;
         }
-        let Some(edge) = tracer.trace(&course) else { continue };
+        let Some(edge) = tracer.trace(&course, EdgeTracer::REACH) else { continue };
         occupied.add(&edge.points);
         let edge = edge.smooth(MAX_OFF_CUBIC);
         let length = edge.length();

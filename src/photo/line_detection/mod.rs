@@ -16,6 +16,7 @@
 mod arc;
 mod continuation;
 mod curves;
+mod radial_error;
 mod search;
 mod select;
 mod snap;

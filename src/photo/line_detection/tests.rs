@@ -366,5 +366,8 @@ fn a_bent_edge_among_straight_ones_is_no_line_and_all_bent_ones_are_lines_of_a_w
     };
     assert_eq!(lines([0.0; 4]), [true; 4]);
     assert_eq!(lines([0.0, 0.0, 3.0, 0.0]), [true, true, false, true], "a bend of 3 px");
-    assert_eq!(lines([3.0, 3.2, 2.8, 3.0]), [true; 4], "a lens that bends them all is not hidden");
+    // A radial error bends a line by its distance from the center, to the other side above it than below.
+    assert_eq!(lines([-4.5, -1.5, 1.5, 4.5]), [true; 4], "a lens that bends them all is not hidden");
+    assert_eq!(lines([-4.5, -1.5, -2.0, 4.5]), [true, true, false, true], "nor what bends otherwise under it");
+    assert_eq!(lines([3.0, -4.0, -3.0, 4.0]), [false; 4], "waves");
 }
