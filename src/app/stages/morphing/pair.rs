@@ -46,8 +46,11 @@ impl Pair {
     ) -> Result<Self, RunError> {
         let [a, b] = [first.mesh()?, second.mesh()?];
         for (which, mesh) in [("first", &a), ("second", &b)] {
-            // An area beyond double precision is refused by its size.
-            if mesh.area() <= 0.0 {
+            let area = mesh.area();
+            if !area.is_finite() {
+                return Err(MorphError::Size { which, diagonal: mesh.diagonal() }.into());
+            }
+            if area <= 0.0 {
                 return Err(MorphError::Empty { which }.into());
             }
         }
