@@ -33,6 +33,8 @@ const STEP: f64 = 2.0;
 const WINDOW: f64 = 60.0;
 /// Offsets per px.
 const FINE: usize = 2;
+/// Steps of a profile, of one px more on both sides than its reach.
+const MOST_STEPS: usize = 2 * (EdgeTracer::MAX_REACH + 1) * FINE + 1;
 /// `s₀`, the step in gray levels at which an edge is half as clear as it can be: twice the least.
 const HALF_CLEAR: f64 = 14.0;
 /// `λ`, what a path pays for half a px aside, in clear samples. To another edge 4 px away it pays two, and passes eight samples without an edge.
@@ -57,6 +59,8 @@ pub struct EdgeTracer<'a> {
 impl<'a> EdgeTracer<'a> {
     /// `r` of a course that is known, px: the prediction over a gap is accurate to about one px, and an edge 4 px aside is another one.
     pub const REACH: usize = 2;
+    /// The largest `r`, px.
+    pub const MAX_REACH: usize = 4;
 
     /// On a picture; samples that are not finite belong to no edge.
     pub fn new(luma: PlaneRef<'a, f32>) -> Self {
@@ -64,7 +68,8 @@ impl<'a> EdgeTracer<'a> {
     }
 
     /// The edge along `course`, px, and beyond its ends as far as it goes; `None` where less than half of the course lies along
-    /// an edge. `reach` is how far off the course the edge may be, px: [`Self::REACH`] where the course is measured.
+    /// an edge. `reach` is how far off the course the edge may be, px, at most
+    /// [`Self::MAX_REACH`]: [`Self::REACH`] where the course is measured.
     pub fn trace(&self, course: &[Point2], reach: usize) -> Option<TracedEdge> {
         let mut points = self.along(course, reach)?;
         let along = points.len();
@@ -131,14 +136,18 @@ impl<'a> EdgeTracer<'a> {
 
     /// The steps of gray level across a course at `p`; `None` at the border of the picture.
     fn profile(&self, p: Point2, tangent: Vec2, reach: usize) -> Option<Profile> {
+        let reach = reach.min(Self::MAX_REACH);
         let side = (reach + 1) * FINE;
         let normal = Vec2::new(-tangent.y, tangent.x);
-        let level = |k: usize| {
+        let mut levels = [0.0; MOST_STEPS + 2 * FINE];
+        for (k, level) in levels[..=2 * (side + FINE)].iter_mut().enumerate() {
             let at = p + normal * ((k as f64 - (side + FINE) as f64) / FINE as f64);
-            Some((self.gray(at - tangent)? + self.gray(at)? + self.gray(at + tangent)?) / 3.0)
-        };
-        let levels: Vec<f64> = (0..=2 * (side + FINE)).map(level).collect::<Option<_>>()?;
-        let steps = levels.windows(2 * FINE + 1).map(|run| (run[2 * FINE] - run[0]).abs()).collect();
+            *level = (self.gray(at - tangent)? + self.gray(at)? + self.gray(at + tangent)?) / 3.0;
+        }
+        let mut steps = [0.0; MOST_STEPS];
+        for (k, step) in steps[..=2 * side].iter_mut().enumerate() {
+            *step = (levels[k + 2 * FINE] - levels[k]).abs();
+        }
         Some(Profile { p, normal, reach, steps })
     }
 
@@ -166,11 +175,15 @@ struct Profile {
     normal: Vec2,
     /// px.
     reach: usize,
-    /// At offsets from `-reach - 1` to `reach + 1` px.
-    steps: Vec<f64>,
+    /// At offsets from `-reach - 1` to `reach + 1` px, and zeros.
+    steps: [f64; MOST_STEPS],
 }
 
 impl Profile {
+    fn count(&self) -> usize {
+        2 * (self.reach + 1) * FINE + 1
+    }
+
     fn offset(&self, k: usize) -> f64 {
         k as f64 / FINE as f64 - (self.reach + 1) as f64
     }
@@ -189,7 +202,7 @@ impl Profile {
     /// The edges within reach.
     fn peaks(&self) -> impl Iterator<Item = usize> {
         let step = |k: usize| self.steps[k];
-        (FINE..self.steps.len() - FINE)
+        (FINE..self.count() - FINE)
             .filter(move |&k| step(k) >= MIN_CONTRAST && step(k) >= step(k - 1) && step(k) >= step(k + 1))
     }
 
@@ -210,25 +223,24 @@ impl Profile {
 
 /// Of each profile the step on the clearest path through them; profiles that the border cuts off are passed.
 fn clearest_path(profiles: &[Option<Profile>]) -> Vec<usize> {
-    let count = profiles.iter().flatten().map(|profile| profile.steps.len()).next().unwrap_or(0);
-    let mut sums = vec![0.0_f64; count];
-    let mut came_from: Vec<Vec<usize>> = Vec::with_capacity(profiles.len());
+    let count = profiles.iter().flatten().map(Profile::count).next().unwrap_or(0);
+    let mut sums = [0.0_f64; MOST_STEPS];
+    let mut came_from = Vec::with_capacity(profiles.len());
     for profile in profiles {
-        let over = |j: usize, k: usize| sums[j] - if j == k { 0.0 } else { ASIDE };
-        let best = |k: usize| {
-            let aside = (k.saturating_sub(1)..=(k + 1).min(count - 1)).filter(|j| *j != k);
-            aside.fold(k, |best, j| if over(j, k) > over(best, k) { j } else { best })
-        };
-        let from: Vec<usize> = (0..count).map(best).collect();
-        let clarity = |k| profile.as_ref().map_or(0.0, |profile| profile.clarity(k));
-        sums = (0..count).map(|k| over(from[k], k) + clarity(k)).collect();
+        let (before, mut from) = (sums, [0; MOST_STEPS]);
+        for k in 0..count {
+            let over = |j: usize| before[j] - if j == k { 0.0 } else { ASIDE };
+            let aside = [k.saturating_sub(1), (k + 1).min(count - 1)];
+            from[k] = aside.into_iter().fold(k, |best, j| if over(j) > over(best) { j } else { best });
+            sums[k] = over(from[k]) + profile.as_ref().map_or(0.0, |profile| profile.clarity(k));
+        }
         came_from.push(from);
     }
     let mut at = (0..count).max_by(|i, j| sums[*i].total_cmp(&sums[*j])).unwrap_or(0);
     let mut path = vec![0; profiles.len()];
     for (step, from) in path.iter_mut().zip(&came_from).rev() {
         *step = at;
-        at = from.get(at).copied().unwrap_or(0);
+        at = from[at];
     }
     path
 }
@@ -342,7 +354,7 @@ mod tests {
             let edge = EdgeTracer::new(luma.as_ref()).trace(&course, reach).expect("an edge").points;
             edge.iter().map(|p| (p.y - y(p.x)).abs()).fold(0.0, f64::max)
         };
-        assert!(off(6) < 0.3, "{}", off(6));
+        assert!(off(4) < 0.3, "{}", off(4));
         assert!(off(EdgeTracer::REACH) > 3.0, "out of reach it is not seen");
     }
 

@@ -26,7 +26,7 @@ use plumbline_num::math::{Point2, Vec2};
 pub(super) const COURSE: usize = 16;
 /// How far off the course of a line that was found its edge may be, px: pieces within 2 px of one circle in a view of half as many pixels are
 /// joined to a line.
-pub(super) const FOUND_REACH: usize = 4;
+pub(super) const FOUND_REACH: usize = EdgeTracer::MAX_REACH;
 /// Largest median distance of a run of samples from the circle, and of a mark, px, for lines that are measured: half the least
 /// distance between edges that the tracer distinguishes, four times the error of a calibrated lens. At half of it some lines of boards seen by a
 /// fisheye are not followed.
