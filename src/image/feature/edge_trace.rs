@@ -13,8 +13,8 @@
 //! than [`MAX_GAP`], or where it would bend more than any lens bends a line; the last located sample is its end.
 //!
 //! The course that an edge is followed from may be a few px off, since a detector joins pieces that lie about one line and the lens is
-//! not known exactly. Along it the offsets of all samples are chosen at once, since one by one they would jump to whichever edge
-//! is the nearest. With the step `s` at an offset they maximize
+//! not known exactly. Where more than `r` beside it is searched, the offsets of all samples along it are chosen at once, since one by one they
+//! would jump to whichever edge is the nearest. With the step `s` at an offset they maximize
 //!
 //! ```text
 //! Σ s/(s + s₀) (1 − o²/2r²) − 2 λ Σ |oₖ₊₁ − oₖ|,
@@ -96,9 +96,12 @@ impl<'a> EdgeTracer<'a> {
             }
             ahead -= span.norm();
         }
-        let path = clearest_path(&profiles);
-        let edge: Vec<Point2> =
-            profiles.iter().zip(path).filter_map(|(profile, offset)| profile.as_ref()?.peak_near(offset)).collect();
+        let edge: Vec<Point2> = if reach > Self::REACH {
+            let path = clearest_path(&profiles);
+            profiles.iter().zip(path).filter_map(|(profile, offset)| profile.as_ref()?.peak_near(offset)).collect()
+        } else {
+            profiles.iter().flatten().filter_map(Profile::nearest).collect()
+        };
         (edge.len() >= MIN_SAMPLES && 2 * edge.len() >= profiles.len()).then_some(edge)
     }
 
@@ -128,10 +131,7 @@ impl<'a> EdgeTracer<'a> {
 
     /// The edge nearest to `p` across a course with this tangent.
     fn locate(&self, p: Point2, tangent: Vec2) -> Option<Point2> {
-        let profile = self.profile(p, tangent, Self::REACH)?;
-        let worth = |k: &usize| profile.steps[*k] * profile.nearness(*k);
-        let best = profile.peaks().max_by(|i, j| worth(i).total_cmp(&worth(j)))?;
-        Some(profile.refined(best))
+        self.profile(p, tangent, Self::REACH)?.nearest()
     }
 
     /// The steps of gray level across a course at `p`; `None` at the border of the picture.
@@ -212,6 +212,12 @@ impl Profile {
         let bend = before - 2.0 * here + after;
         let shift = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
         self.p + self.normal * (self.offset(peak) + shift / FINE as f64)
+    }
+
+    /// The clearest edge, those near the course first.
+    fn nearest(&self) -> Option<Point2> {
+        let worth = |k: &usize| self.steps[*k] * self.nearness(*k);
+        self.peaks().max_by(|i, j| worth(i).total_cmp(&worth(j))).map(|peak| self.refined(peak))
     }
 
     /// The edge within a px of one of the steps.

@@ -17,16 +17,13 @@ use rayon::prelude::*;
 
 use super::Line;
 use crate::{Sight, best_circle};
-use plumbline_camera::{Lens, Vec3};
+use plumbline_camera::{Lens, Projection, Vec3};
 use plumbline_image::PlaneRef;
 use plumbline_image::feature::{EdgeTracer, MAX_OFF_CUBIC, TracedEdge, averaged, grown};
 use plumbline_num::math::{Point2, Vec2};
 
 /// Steps between two marks along which an edge is looked for.
 pub(super) const COURSE: usize = 16;
-/// How far off the course of a line that was found its edge may be, px: pieces within 2 px of one circle in a view of half as many pixels are
-/// joined to a line.
-pub(super) const FOUND_REACH: usize = EdgeTracer::MAX_REACH;
 /// Largest median distance of a run of samples from the circle, and of a mark, px, for lines that are measured: half the least
 /// distance between edges that the tracer distinguishes, four times the error of a calibrated lens. At half of it some lines of boards seen by a
 /// fisheye are not followed.
@@ -74,9 +71,20 @@ pub fn continued(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<
 /// were found: their ends are not anybody's marks.
 pub(super) fn followed(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<Line> {
     carried_on(lines, lens, levels, |line, lens, tracer| {
-        let followed = Followed::new(line, lens, tracer, (FOUND_REACH, MAX_OFF))?;
+        let reach = found_reach(lens);
+        let mut followed = Followed::new(line, lens, tracer, (reach, MAX_OFF))?;
+        if reach == EdgeTracer::REACH {
+            followed = followed.if_marked(line, lens)?;
+        }
         Some(followed.measured(followed.known.clone())).filter(|points| points.len() >= 2)
     })
+}
+
+/// How far off the course of a line that was found its edge may be, px. Pieces within 2 px of one circle in a view of half as many pixels are
+/// joined to a line, which is 4 px here, where a lens leaves lines straight. Others are not known well enough to tell what lies so far
+/// off from the next edge.
+pub(super) fn found_reach(lens: &Lens) -> usize {
+    if lens.projection == Projection::Rectilinear { EdgeTracer::MAX_REACH } else { EdgeTracer::REACH }
 }
 
 /// Lines with other points, which are found in px of the gray levels.

@@ -16,7 +16,6 @@
 mod arc;
 mod continuation;
 mod curves;
-mod radial_error;
 mod search;
 mod select;
 mod snap;
