@@ -33,8 +33,8 @@ const STEP: f64 = 2.0;
 const WINDOW: f64 = 60.0;
 /// Offsets per px.
 const FINE: usize = 2;
-/// Steps of a profile, of one px more on both sides than its reach.
-const MOST_STEPS: usize = 2 * (EdgeTracer::MAX_REACH + 1) * FINE + 1;
+/// Maximum number of steps of a profile, which goes one px beyond its reach on both sides.
+const MAX_STEPS: usize = 2 * (EdgeTracer::MAX_REACH + 1) * FINE + 1;
 /// `s₀`, the step in gray levels at which an edge is half as clear as it can be: twice the least.
 const HALF_CLEAR: f64 = 14.0;
 /// `λ`, what a path pays for half a px aside, in clear samples. To another edge 4 px away it pays two, and passes eight samples without an edge.
@@ -139,12 +139,12 @@ impl<'a> EdgeTracer<'a> {
         let reach = reach.min(Self::MAX_REACH);
         let side = (reach + 1) * FINE;
         let normal = Vec2::new(-tangent.y, tangent.x);
-        let mut levels = [0.0; MOST_STEPS + 2 * FINE];
+        let mut levels = [0.0; MAX_STEPS + 2 * FINE];
         for (k, level) in levels[..=2 * (side + FINE)].iter_mut().enumerate() {
             let at = p + normal * ((k as f64 - (side + FINE) as f64) / FINE as f64);
             *level = (self.gray(at - tangent)? + self.gray(at)? + self.gray(at + tangent)?) / 3.0;
         }
-        let mut steps = [0.0; MOST_STEPS];
+        let mut steps = [0.0; MAX_STEPS];
         for (k, step) in steps[..=2 * side].iter_mut().enumerate() {
             *step = (levels[k + 2 * FINE] - levels[k]).abs();
         }
@@ -176,7 +176,7 @@ struct Profile {
     /// px.
     reach: usize,
     /// At offsets from `-reach - 1` to `reach + 1` px, and zeros.
-    steps: [f64; MOST_STEPS],
+    steps: [f64; MAX_STEPS],
 }
 
 impl Profile {
@@ -230,10 +230,10 @@ impl Profile {
 /// Of each profile the step on the clearest path through them; profiles that the border cuts off are passed.
 fn clearest_path(profiles: &[Option<Profile>]) -> Vec<usize> {
     let count = profiles.iter().flatten().map(Profile::count).next().unwrap_or(0);
-    let mut sums = [0.0_f64; MOST_STEPS];
+    let mut sums = [0.0_f64; MAX_STEPS];
     let mut came_from = Vec::with_capacity(profiles.len());
     for profile in profiles {
-        let (before, mut from) = (sums, [0; MOST_STEPS]);
+        let (before, mut from) = (sums, [0; MAX_STEPS]);
         for k in 0..count {
             let over = |j: usize| before[j] - if j == k { 0.0 } else { ASIDE };
             let aside = [k.saturating_sub(1), (k + 1).min(count - 1)];

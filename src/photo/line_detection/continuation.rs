@@ -71,20 +71,24 @@ pub fn continued(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<
 /// were found: their ends are not anybody's marks.
 pub(super) fn followed(lines: &[Line], lens: &Lens, levels: PlaneRef<'_, f32>) -> Vec<Line> {
     carried_on(lines, lens, levels, |line, lens, tracer| {
-        let reach = found_reach(lens);
-        let mut followed = Followed::new(line, lens, tracer, (reach, MAX_OFF))?;
-        if reach == EdgeTracer::REACH {
+        let mut followed = Followed::new(line, lens, tracer, (found_reach(lens), MAX_OFF))?;
+        if !leaves_straight(lens) {
             followed = followed.if_marked(line, lens)?;
         }
         Some(followed.measured(followed.known.clone())).filter(|points| points.len() >= 2)
     })
 }
 
+/// True for a lens that leaves lines straight, so that how it was found does not decide which edges are lines.
+pub(super) fn leaves_straight(lens: &Lens) -> bool {
+    lens.projection == Projection::Rectilinear
+}
+
 /// How far off the course of a line that was found its edge may be, px. Pieces within 2 px of one circle in a view of half as many pixels are
 /// joined to a line, which is 4 px here, where a lens leaves lines straight. Others are not known well enough to tell what lies so far
 /// off from the next edge.
 pub(super) fn found_reach(lens: &Lens) -> usize {
-    if lens.projection == Projection::Rectilinear { EdgeTracer::MAX_REACH } else { EdgeTracer::REACH }
+    if leaves_straight(lens) { EdgeTracer::MAX_REACH } else { EdgeTracer::REACH }
 }
 
 /// Lines with other points, which are found in px of the gray levels.

@@ -16,8 +16,9 @@
 //! departure > max(OUTLIER · median over all lines, MIN_DEPARTURE).
 //! ```
 //!
-//! Under a wrong lens all lines depart, and all are kept: that error is not hidden. A lens that leaves lines straight is never that wrong, so that
-//! under it the limit is at most MAX_DEPARTURE: where nothing is a line, as in waves, the median says nothing.
+//! Under a wrong lens all lines depart, and all are kept: that error is not hidden. A rectilinear lens is seldom that wrong, and under
+//! it the limit is at most MAX_DEPARTURE: where nothing is a line, as in waves, the median says nothing. A fisheye that is called rectilinear
+//! loses lines by it (`docs/ABLATIONS.md`).
 //!
 //! On eight pictures of boards of which nothing is given, up to 5 of 31 lines are dropped; without that, the worst line that the result
 //! shows is 0.6 to 2.3 px off on six of them. Dropped too is a line of the board that was joined with an edge behind it. To keep the
@@ -26,9 +27,9 @@
 use rayon::prelude::*;
 
 use super::Line;
-use super::continuation::{COURSE, found_reach};
+use super::continuation::{COURSE, found_reach, leaves_straight};
 use crate::{Sight, best_circle};
-use plumbline_camera::{Lens, Projection};
+use plumbline_camera::Lens;
 use plumbline_image::PlaneRef;
 use plumbline_image::feature::{EdgeTracer, MAX_OFF_CUBIC};
 use plumbline_num::math::{Point2, median};
@@ -57,8 +58,8 @@ pub(super) fn straight(lines: &[&Line], lens: &Lens, levels: PlaneRef<'_, f32>) 
     known.sort_by(f64::total_cmp);
     // The lower median: of two or four lines the better half sets the scale.
     let usual = known.get(known.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
-    let most = if lens.projection == Projection::Rectilinear { MAX_DEPARTURE } else { f64::INFINITY };
-    let most = (OUTLIER * usual).clamp(MIN_DEPARTURE, most);
+    let limit = if leaves_straight(lens) { MAX_DEPARTURE } else { f64::INFINITY };
+    let most = (OUTLIER * usual).clamp(MIN_DEPARTURE, limit);
     departures.iter().map(|departure| departure.is_none_or(|d| d <= most)).collect()
 }
 
