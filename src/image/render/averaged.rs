@@ -24,10 +24,10 @@
 use rayon::prelude::*;
 
 use super::kernel::{MAX_PAIR_PX, PHASES, pair_rows};
-use super::plane::Job;
+use super::plane::{Band, Job};
 use super::scan::Cells;
 use super::source::{Pairs, Sample, Source};
-use super::{RenderError, Renderer};
+use super::{RenderError, Renderer, check};
 use crate::Frame;
 use crate::warp::Lattice;
 use plumbline_num::run::Run;
@@ -88,6 +88,7 @@ enum Kind {
 }
 
 /// Spread of every lattice cell, x and y, row by row; none of rows in which nothing is spread.
+#[derive(Debug)]
 pub(super) struct Spreads {
     rows: Vec<Vec<[Spread; 2]>>,
 }
@@ -98,7 +99,7 @@ fn length(x: f32, y: f32) -> f32 {
 }
 
 impl Spreads {
-    fn of(lattice: &Lattice) -> Self {
+    pub(super) fn of(lattice: &Lattice) -> Self {
         let (cols, rows) = (lattice.points().0 - 1, lattice.points().1 - 1);
         let step = lattice.step() as f32;
         let cell = |k: usize, l: usize| {
@@ -118,7 +119,7 @@ impl Spreads {
         Self { rows: (0..rows).into_par_iter().map(row).collect() }
     }
 
-    fn any(&self) -> bool {
+    pub(super) fn any(&self) -> bool {
         self.rows.iter().any(|row| !row.is_empty())
     }
 
@@ -283,8 +284,9 @@ impl Renderer {
         dst: &mut Frame,
         run: &Run,
     ) -> Result<(), RenderError> {
+        check(src, lattice, dst)?;
         let spreads = Spreads::of(lattice);
-        self.render_planes(src, lattice, dst, Some(&spreads).filter(|spreads| spreads.any()), run)
+        self.render_planes(src, lattice, dst, (Some(&spreads).filter(|spreads| spreads.any()), Band::Whole), run)
     }
 }
 

@@ -30,6 +30,8 @@ pub use border::Border;
 pub use completion::complete;
 pub use fill::{FillOptions, FillReport, Filler};
 pub use kernel::Interpolation;
+#[cfg(feature = "files")]
+pub use still::StillRendering;
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -38,7 +40,7 @@ use crate::warp::Lattice;
 use crate::{Frame, Layout, PixelFormat, PlaneRef};
 use averaged::Spreads;
 use kernel::{PairTable, pair_table};
-use plane::{InstructionSet, Job, Tables};
+use plane::{Band, InstructionSet, Job, Tables};
 use plumbline_num::run::{Run, Stopped};
 use scan::{MAX_SIZE, Siting};
 use source::{Sample, Source};
@@ -120,19 +122,20 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Format`], [`RenderError::Size`], [`RenderError::Dimensions`], [`RenderError::Plane`].
     pub fn render(&self, src: &Frame, lattice: &Lattice, dst: &mut Frame) -> Result<(), RenderError> {
-        self.render_planes(src, lattice, dst, None, &Run::default())
+        check(src, lattice, dst)?;
+        self.render_planes(src, lattice, dst, (None, Band::Whole), &Run::default())
     }
 
-    /// [`Self::render`], as means where `spreads` says so in planes of full size, looking at the run on the way.
+    /// Rows of what [`Self::render`] makes, as means where `spreads` says so in planes of full size, looking at the run on the way.
+    /// The caller has checked that the frames fit the lattice.
     fn render_planes(
         &self,
         src: &Frame,
         lattice: &Lattice,
         dst: &mut Frame,
-        spreads: Option<&Spreads>,
+        (spreads, rows): (Option<&Spreads>, Band),
         run: &Run,
     ) -> Result<(), RenderError> {
-        check(src, lattice, dst)?;
         dst.copy_properties(src);
         let siting = |i: usize| Siting::of(src.format, &src.color, i);
         let mut first = 0;
@@ -143,7 +146,7 @@ impl Renderer {
             first = planes.end;
             let siting = siting(planes.start);
             let spreads = spreads.filter(|_| siting.log2 == (0, 0));
-            let job = Job { lattice, siting, renderer: self, spreads };
+            let job = Job { lattice, siting, renderer: self, spreads, rows };
             if src.format.bytes_per_sample() == 1 {
                 let sources = sources(src, planes.clone(), self.options.border, Frame::plane8)?;
                 job.run(&sources, dst.planes8_mut(planes.clone()).ok_or_else(|| unwritable(&planes))?, run)?;
@@ -183,13 +186,15 @@ fn check(src: &Frame, lattice: &Lattice, dst: &Frame) -> Result<(), RenderError>
         return Err(RenderError::Format { src: src.format, dst: dst.format });
     }
     for frame in [src, dst] {
-        let (width, height) = (frame.width, frame.height);
-        if !((1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height)) {
-            return Err(RenderError::Dimensions { width, height });
-        }
+        check_size((frame.width, frame.height))?;
     }
     let dst = (dst.width, dst.height);
     if lattice.size() == dst { Ok(()) } else { Err(RenderError::Size { lattice: lattice.size(), dst }) }
+}
+
+fn check_size((width, height): (usize, usize)) -> Result<(), RenderError> {
+    let fits = (1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height);
+    if fits { Ok(()) } else { Err(RenderError::Dimensions { width, height }) }
 }
 
 /// Sample value of black, or of transparency, in plane `i`. An unspecified range is limited for YUV and full otherwise.

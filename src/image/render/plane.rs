@@ -65,6 +65,16 @@ pub(super) struct Job<'a> {
     pub(super) renderer: &'a Renderer,
     /// How pixels of a map that shrinks are averaged; `None`: they are interpolated.
     pub(super) spreads: Option<&'a Spreads>,
+    pub(super) rows: Band,
+}
+
+/// Which rows of the output are sampled, and by whom.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Band {
+    /// All of them, on all threads.
+    Whole,
+    /// Those of the destination, which begin at this row of the lattice, on the thread of the caller: others sample other bands.
+    From(usize),
 }
 
 /// A run of rows of one plane, and how far apart they start, samples.
@@ -88,17 +98,27 @@ impl Job<'_> {
             tasks.iter_mut().zip(rows).for_each(|(task, rows)| task.push((rows, stride)));
         }
         let scratch = || Scratch::new(width, sources.len());
-        tasks.into_par_iter().enumerate().try_for_each_init(scratch, |scratch, (task, mut planes)| {
+        let sample = |above: usize, scratch: &mut Scratch<S>, (task, mut planes): (usize, Vec<Rows<'_, S>>)| {
             run.check()?;
             let first = task * ROWS_PER_TASK;
             for j in first..(first + ROWS_PER_TASK).min(height) {
                 let range = |stride: usize| (j - first) * stride..(j - first) * stride + width;
                 let mut outs: Vec<&mut [S]> =
                     planes.iter_mut().map(|(rows, stride)| &mut rows[range(*stride)]).collect();
-                self.row(sources, j, scratch, &mut outs);
+                self.row(sources, above + j, scratch, &mut outs);
             }
             Ok(())
-        })
+        };
+        match self.rows {
+            Band::Whole => {
+                let tasks = tasks.into_par_iter().enumerate();
+                tasks.try_for_each_init(scratch, |scratch, task| sample(0, scratch, task))
+            }
+            Band::From(first) => {
+                let mut scratch = scratch();
+                tasks.into_iter().enumerate().try_for_each(|task| sample(first, &mut scratch, task))
+            }
+        }
     }
 
     fn row<S: Kernels>(&self, sources: &[Source<'_, S>], j: usize, scratch: &mut Scratch<S>, outs: &mut [&mut [S]]) {

@@ -1,34 +1,112 @@
 //! One picture through its map: transparency weighted, means where the map shrinks.
 
+use std::ops::Range;
+
 use super::alpha::{unweighted, weighted};
-use super::{RenderError, RenderOptions, Renderer};
-use crate::Frame;
+use super::averaged::Spreads;
+use super::plane::Band;
+use super::{RenderError, RenderOptions, Renderer, check_size};
 use crate::still::{GainMap, Photo};
 use crate::warp::{Lattice, Map, WarpField};
+use crate::{Frame, PixelFormat};
 use nalgebra::{Matrix2, Matrix2x3};
 use plumbline_num::math::{Point2, PointMap, Vec2};
 use plumbline_num::run::Run;
 
+/// A still picture through a lattice: the whole, or any rows of it, which are the same to the bit.
+///
+/// Where rows are written as soon as they are made, the result is never in memory as a whole.
+///
+/// ```
+/// use plumbline_image::render::{RenderOptions, Renderer, StillRendering};
+/// use plumbline_image::still::frame_of_rgb;
+/// use plumbline_image::warp::{Lattice, WarpField};
+/// use plumbline_num::run::Run;
+///
+/// let picture = frame_of_rgb(&[7; 12], 2, 2)?;
+/// let lattice = Lattice::new(&WarpField::identity(), 2, 2);
+/// let renderer = Renderer::new(RenderOptions::default());
+/// let rendering = StillRendering::new(&renderer, &picture, &lattice)?;
+/// let lower = rendering.rows(1..2, &Run::default())?;
+/// assert_eq!(lower.plane8(0).map(|plane| plane.row(0).to_vec()), Some(vec![7, 7]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct StillRendering<'a> {
+    renderer: &'a Renderer,
+    source: &'a Frame,
+    /// The source with colors weighted by their opacity, where it has any.
+    weighted: Option<Frame>,
+    lattice: &'a Lattice,
+    spreads: Option<Spreads>,
+}
+
+impl<'a> StillRendering<'a> {
+    /// Of `source` as `lattice` shows it: [`Renderer::render_averaged`], with colors weighted by their opacity where there is an
+    /// alpha plane.
+    ///
+    /// # Errors
+    /// [`RenderError::Dimensions`]; [`RenderError::Plane`] where the memory of the source does not hold its planes.
+    pub fn new(renderer: &'a Renderer, source: &'a Frame, lattice: &'a Lattice) -> Result<Self, RenderError> {
+        check_size((source.width, source.height))?;
+        check_size(lattice.size())?;
+        let lost = RenderError::Plane { plane: source.format.planes() - 1, role: "source" };
+        let weighted = if source.format.alpha { Some(weighted(source).ok_or(lost)?) } else { None };
+        let spreads = Some(Spreads::of(lattice)).filter(Spreads::any);
+        Ok(Self { renderer, source, weighted, lattice, spreads })
+    }
+
+    /// Format of the result: that of the source.
+    pub fn format(&self) -> PixelFormat {
+        self.source.format
+    }
+
+    /// Width and height of the result, px.
+    pub fn size(&self) -> (usize, usize) {
+        self.lattice.size()
+    }
+
+    /// The result, made on all threads.
+    ///
+    /// # Errors
+    /// As for [`Renderer::render`].
+    pub fn frame(&self, run: &Run) -> Result<Frame, RenderError> {
+        self.band(Band::Whole, self.size().1, run)
+    }
+
+    /// Rows of the result as a frame of their own, made on the thread of the caller.
+    ///
+    /// # Errors
+    /// As for [`Renderer::render`]; [`RenderError::Size`] for rows that the result does not have.
+    pub fn rows(&self, rows: Range<usize>, run: &Run) -> Result<Frame, RenderError> {
+        let size = self.size();
+        if rows.is_empty() || rows.end > size.1 {
+            return Err(RenderError::Size { lattice: size, dst: (size.0, rows.end) });
+        }
+        self.band(Band::From(rows.start), rows.len(), run)
+    }
+
+    fn band(&self, band: Band, height: usize, run: &Run) -> Result<Frame, RenderError> {
+        let source = self.weighted.as_ref().unwrap_or(self.source);
+        let mut made = Frame::new(source.format, self.size().0, height);
+        self.renderer.render_planes(source, self.lattice, &mut made, (self.spreads.as_ref(), band), run)?;
+        if self.weighted.is_none() {
+            return Ok(made);
+        }
+        let mut plain = Frame::new(self.source.format, made.width, height);
+        let lost = RenderError::Plane { plane: self.source.format.planes() - 1, role: "destination" };
+        unweighted(&made, &mut plain).ok_or(lost)?;
+        Ok(plain)
+    }
+}
+
 impl Renderer {
-    /// `src` as `lattice` shows it: [`Renderer::render_averaged`], with colors weighted by their opacity where there is an alpha
-    /// plane.
+    /// `src` as `lattice` shows it: all of a [`StillRendering`].
     ///
     /// # Errors
     /// As for [`Renderer::render`].
     pub fn render_still(&self, src: &Frame, lattice: &Lattice, run: &Run) -> Result<Frame, RenderError> {
-        let (width, height) = lattice.size();
-        let mut dst = Frame::new(src.format, width, height);
-        if !src.format.alpha {
-            self.render_averaged(src, lattice, &mut dst, run)?;
-            return Ok(dst);
-        }
-        let plane = src.format.planes() - 1;
-        let source = weighted(src).ok_or(RenderError::Plane { plane, role: "source" })?;
-        let mut made = Frame::new(source.format, width, height);
-        self.render_averaged(&source, lattice, &mut made, run)?;
-        drop(source);
-        unweighted(&made, &mut dst).ok_or(RenderError::Plane { plane, role: "destination" })?;
-        Ok(dst)
+        StillRendering::new(self, src, lattice)?.frame(run)
     }
 }
 
@@ -128,6 +206,38 @@ mod tests {
 
     fn sample(frame: &Frame, plane: usize, x: usize) -> u16 {
         frame.plane8(plane).map_or_else(|| frame.plane16(plane).expect("16 bit").row(9)[x], |p| p.row(9)[x].into())
+    }
+
+    #[test]
+    fn rows_are_those_of_the_whole_at_every_depth_and_where_the_map_shrinks() {
+        let mut frames = vec![halves(8), halves(16)];
+        let mut noise = Frame::new(PixelFormat::opaque(Layout::Gbr, 8), 200, 150);
+        for (plane, y) in (0..3).flat_map(|p| (0..150).map(move |y| (p, y))) {
+            let mut rows = noise.plane8_mut(plane).expect("8 bit");
+            rows.row_mut(y).iter_mut().enumerate().for_each(|(x, v)| *v = (x * x * 7 + y * 31 + plane * 77) as u8);
+        }
+        frames.push(noise);
+        let renderer = Renderer::new(RenderOptions::default());
+        for (frame, scale) in frames.iter().flat_map(|frame| [0.8, 2.3].map(|scale| (frame, scale))) {
+            let field = WarpField::identity().then(Map::Affine(Matrix2x3::new(scale, 0.1, 1.3, -0.05, scale, 2.7)));
+            let lattice = Lattice::between(&field, (83, 67), (frame.width, frame.height));
+            let rendering = StillRendering::new(&renderer, frame, &lattice).expect("a still frame");
+            let whole = rendering.frame(&Run::default()).expect("sizes fit");
+            for rows in [0..1, 5..40, 40..67] {
+                let part = rendering.rows(rows.clone(), &Run::default()).expect("rows of it");
+                assert_eq!((part.width, part.height), (83, rows.len()));
+                for (plane, (k, j)) in
+                    (0..frame.format.planes()).flat_map(|p| rows.clone().enumerate().map(move |r| (p, r)))
+                {
+                    let row = |frame: &Frame, j: usize| -> Vec<u16> {
+                        let eight = frame.plane8(plane).map(|p| p.row(j).iter().map(|&v| v.into()).collect());
+                        eight.unwrap_or_else(|| frame.plane16(plane).expect("16 bit").row(j).to_vec())
+                    };
+                    assert_eq!(row(&part, k), row(&whole, j), "plane {plane}, row {j}, scale {scale}");
+                }
+            }
+            assert!(rendering.rows(60..68, &Run::default()).is_err() && rendering.rows(3..3, &Run::default()).is_err());
+        }
     }
 
     #[test]
