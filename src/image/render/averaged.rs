@@ -99,7 +99,8 @@ fn length(x: f32, y: f32) -> f32 {
 }
 
 impl Spreads {
-    pub(super) fn of(lattice: &Lattice) -> Self {
+    /// Those of a lattice; `None` where nothing is spread.
+    pub(super) fn of(lattice: &Lattice) -> Option<Self> {
         let (cols, rows) = (lattice.points().0 - 1, lattice.points().1 - 1);
         let step = lattice.step() as f32;
         let cell = |k: usize, l: usize| {
@@ -116,11 +117,8 @@ impl Spreads {
             // Of most rows of most pictures nothing is kept.
             if cells.iter().all(|cell| Self::kind(cell) == Kind::Plain) { Vec::new() } else { cells }
         };
-        Self { rows: (0..rows).into_par_iter().map(row).collect() }
-    }
-
-    pub(super) fn any(&self) -> bool {
-        self.rows.iter().any(|row| !row.is_empty())
+        let rows: Vec<_> = (0..rows).into_par_iter().map(row).collect();
+        rows.iter().any(|row| !row.is_empty()).then_some(Self { rows })
     }
 
     fn kind(cell: &[Spread; 2]) -> Kind {
@@ -285,8 +283,7 @@ impl Renderer {
         run: &Run,
     ) -> Result<(), RenderError> {
         check(src, lattice, dst)?;
-        let spreads = Spreads::of(lattice);
-        self.render_planes(src, lattice, dst, (Some(&spreads).filter(|spreads| spreads.any()), Band::Whole), run)
+        self.render_planes(src, lattice, dst, (Spreads::of(lattice).as_ref(), Band::Whole), run)
     }
 }
 

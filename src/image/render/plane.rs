@@ -73,7 +73,7 @@ pub(super) struct Job<'a> {
 pub(super) enum Band {
     /// All of them, on all threads.
     Whole,
-    /// Those of the destination, which begin at this row of the lattice, on the thread of the caller: others sample other bands.
+    /// Those of the destination, which begin at this luma row of the lattice, on the thread of the caller: others sample other bands.
     From(usize),
 }
 
@@ -115,6 +115,7 @@ impl Job<'_> {
                 tasks.try_for_each_init(scratch, |scratch, task| sample(0, scratch, task))
             }
             Band::From(first) => {
+                let first = first >> self.siting.log2.1;
                 let mut scratch = scratch();
                 tasks.into_iter().enumerate().try_for_each(|task| sample(first, &mut scratch, task))
             }

@@ -52,8 +52,7 @@ impl<'a> StillRendering<'a> {
         check_size(lattice.size())?;
         let lost = RenderError::Plane { plane: source.format.planes() - 1, role: "source" };
         let weighted = if source.format.alpha { Some(weighted(source).ok_or(lost)?) } else { None };
-        let spreads = Some(Spreads::of(lattice)).filter(Spreads::any);
-        Ok(Self { renderer, source, weighted, lattice, spreads })
+        Ok(Self { renderer, source, weighted, lattice, spreads: Spreads::of(lattice) })
     }
 
     /// Format of the result: that of the source.
@@ -70,31 +69,43 @@ impl<'a> StillRendering<'a> {
     ///
     /// # Errors
     /// As for [`Renderer::render`].
-    pub fn frame(&self, run: &Run) -> Result<Frame, RenderError> {
-        self.band(Band::Whole, self.size().1, run)
+    pub fn frame(mut self, run: &Run) -> Result<Frame, RenderError> {
+        let made = self.sampled(Band::Whole, self.size().1, run)?;
+        // As large as the result, twice that at 8 bit.
+        self.weighted = None;
+        self.plain(made)
     }
 
     /// Rows of the result as a frame of their own, made on the thread of the caller.
     ///
     /// # Errors
-    /// As for [`Renderer::render`]; [`RenderError::Size`] for rows that the result does not have.
+    /// As for [`Renderer::render`]; [`RenderError::Size`] for rows that the result does not have, or that begin within a row of
+    /// subsampled chroma.
     pub fn rows(&self, rows: Range<usize>, run: &Run) -> Result<Frame, RenderError> {
-        let size = self.size();
-        if rows.is_empty() || rows.end > size.1 {
+        let (size, format) = (self.size(), self.source.format);
+        let row = (0..format.planes()).map(|i| 1_usize << format.subsampling(i).1).max().unwrap_or(1);
+        if rows.is_empty() || rows.end > size.1 || !rows.start.is_multiple_of(row) {
             return Err(RenderError::Size { lattice: size, dst: (size.0, rows.end) });
         }
-        self.band(Band::From(rows.start), rows.len(), run)
+        self.plain(self.sampled(Band::From(rows.start), rows.len(), run)?)
     }
 
-    fn band(&self, band: Band, height: usize, run: &Run) -> Result<Frame, RenderError> {
+    /// So many rows, colors weighted by their opacity where there is an alpha plane.
+    fn sampled(&self, band: Band, height: usize, run: &Run) -> Result<Frame, RenderError> {
         let source = self.weighted.as_ref().unwrap_or(self.source);
         let mut made = Frame::new(source.format, self.size().0, height);
         self.renderer.render_planes(source, self.lattice, &mut made, (self.spreads.as_ref(), band), run)?;
-        if self.weighted.is_none() {
+        Ok(made)
+    }
+
+    /// Sampled rows in the format of the source.
+    fn plain(&self, made: Frame) -> Result<Frame, RenderError> {
+        let format = self.source.format;
+        if !format.alpha {
             return Ok(made);
         }
-        let mut plain = Frame::new(self.source.format, made.width, height);
-        let lost = RenderError::Plane { plane: self.source.format.planes() - 1, role: "destination" };
+        let mut plain = Frame::new(format, made.width, made.height);
+        let lost = RenderError::Plane { plane: format.planes() - 1, role: "destination" };
         unweighted(&made, &mut plain).ok_or(lost)?;
         Ok(plain)
     }
@@ -210,7 +221,11 @@ mod tests {
 
     #[test]
     fn rows_are_those_of_the_whole_at_every_depth_and_where_the_map_shrinks() {
-        let mut frames = vec![halves(8), halves(16)];
+        let mut frames = vec![halves(8), halves(16), Frame::new(PixelFormat::opaque(Layout::Yuv420, 8), 200, 150)];
+        for (plane, y) in (0..3).flat_map(|p| (0..75).map(move |y| (p, y))) {
+            let mut rows = frames[2].plane8_mut(plane).expect("8 bit");
+            rows.row_mut(y).iter_mut().enumerate().for_each(|(x, v)| *v = (x * 5 + y * y * 3 + plane * 50) as u8);
+        }
         let mut noise = Frame::new(PixelFormat::opaque(Layout::Gbr, 8), 200, 150);
         for (plane, y) in (0..3).flat_map(|p| (0..150).map(move |y| (p, y))) {
             let mut rows = noise.plane8_mut(plane).expect("8 bit");
@@ -222,20 +237,24 @@ mod tests {
             let field = WarpField::identity().then(Map::Affine(Matrix2x3::new(scale, 0.1, 1.3, -0.05, scale, 2.7)));
             let lattice = Lattice::between(&field, (83, 67), (frame.width, frame.height));
             let rendering = StillRendering::new(&renderer, frame, &lattice).expect("a still frame");
-            let whole = rendering.frame(&Run::default()).expect("sizes fit");
-            for rows in [0..1, 5..40, 40..67] {
+            let whole = renderer.render_still(frame, &lattice, &Run::default()).expect("sizes fit");
+            let (planes, chroma) = (frame.format.planes(), frame.format.subsampling(1).1);
+            for rows in [0..1, 6..40, 40..67] {
                 let part = rendering.rows(rows.clone(), &Run::default()).expect("rows of it");
                 assert_eq!((part.width, part.height), (83, rows.len()));
-                for (plane, (k, j)) in
-                    (0..frame.format.planes()).flat_map(|p| rows.clone().enumerate().map(move |r| (p, r)))
-                {
+                for plane in 0..planes {
+                    let shift = frame.format.subsampling(plane).1;
                     let row = |frame: &Frame, j: usize| -> Vec<u16> {
                         let eight = frame.plane8(plane).map(|p| p.row(j).iter().map(|&v| v.into()).collect());
                         eight.unwrap_or_else(|| frame.plane16(plane).expect("16 bit").row(j).to_vec())
                     };
-                    assert_eq!(row(&part, k), row(&whole, j), "plane {plane}, row {j}, scale {scale}");
+                    for k in 0..rows.len().div_ceil(1 << shift) {
+                        let j = (rows.start >> shift) + k;
+                        assert_eq!(row(&part, k), row(&whole, j), "plane {plane}, row {j}, scale {scale}");
+                    }
                 }
             }
+            assert_eq!(rendering.rows(5..40, &Run::default()).is_err(), chroma > 0, "rows within one of chroma");
             assert!(rendering.rows(60..68, &Run::default()).is_err() && rendering.rows(3..3, &Run::default()).is_err());
         }
     }
