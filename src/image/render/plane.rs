@@ -74,6 +74,7 @@ pub(super) enum Band {
     /// All of them, on all threads.
     Whole,
     /// Those of the destination, which begin at this luma row of the lattice, on the thread of the caller: others sample other bands.
+    #[cfg(feature = "files")]
     From(usize),
 }
 
@@ -114,6 +115,7 @@ impl Job<'_> {
                 let tasks = tasks.into_par_iter().enumerate();
                 tasks.try_for_each_init(scratch, |scratch, task| sample(0, scratch, task))
             }
+            #[cfg(feature = "files")]
             Band::From(first) => {
                 let first = first >> self.siting.log2.1;
                 let mut scratch = scratch();
