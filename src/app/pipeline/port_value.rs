@@ -6,6 +6,7 @@
 
 use std::any::Any;
 
+use super::graph::Edge;
 use super::kind::TemporalScope;
 use super::port::{Arity, Port, PortType};
 use super::run_error::RunError;
@@ -15,6 +16,14 @@ use crate::stages::context::Context;
 pub trait PortValue: Any + Clone + Send {
     /// The type of the ports that carry it.
     const DATA: PortType;
+
+    /// The value at the other end of `edge`: of this type, unless a value of another one can be had as this.
+    ///
+    /// # Errors
+    /// [`RunError::Internal`] where nothing, or a value of another type, was handed on.
+    fn at(context: &Context<'_, '_>, edge: &Edge) -> Result<Self, RunError> {
+        context.values.get::<Self>(edge).cloned()
+    }
 }
 
 /// What an input port gives to `run`: a value where it must be connected, an `Option` where it may be left open, a `Vec` where
@@ -90,7 +99,7 @@ impl<T: PortValue> InputValue for T {
     const FITS: InputType = InputType { data: T::DATA, arities: &[Arity::One] };
 
     fn take(context: &Context<'_, '_>, stage: usize, port: &Port) -> Result<Self, RunError> {
-        context.values.get::<T>(context.required(stage, port.name)?).cloned()
+        T::at(context, context.required(stage, port.name)?)
     }
 }
 
@@ -98,7 +107,7 @@ impl<T: PortValue> InputValue for Option<T> {
     const FITS: InputType = InputType { data: T::DATA, arities: &[Arity::Optional] };
 
     fn take(context: &Context<'_, '_>, stage: usize, port: &Port) -> Result<Self, RunError> {
-        context.edge(stage, port.name).map(|edge| context.values.get::<T>(edge).cloned()).transpose()
+        context.edge(stage, port.name).map(|edge| T::at(context, edge)).transpose()
     }
 }
 
@@ -107,7 +116,7 @@ impl<T: PortValue> InputValue for Vec<T> {
 
     fn take(context: &Context<'_, '_>, stage: usize, port: &Port) -> Result<Self, RunError> {
         let edges = context.stage(stage).edges.iter().filter(|e| e.port.name == port.name);
-        edges.map(|edge| context.values.get::<T>(edge).cloned()).collect()
+        edges.map(|edge| T::at(context, edge)).collect()
     }
 }
 

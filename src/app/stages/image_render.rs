@@ -1,17 +1,18 @@
 //! `image.render`: samples a still picture once through its maps.
 
-use std::sync::Arc;
+use std::io::{Seek, Write};
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Matrix2, Matrix2x3};
 
 use super::photo::transparency::{eroded, mask_of, opacity, plane_of, with_alpha};
 use super::prelude::*;
-use super::values::PhotoMap;
+use super::values::{PhotoMap, Picture};
 use super::video_render;
 use crate::pipeline::sizes::PictureSize;
 use plumbline_image::Frame;
-use plumbline_image::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, complete};
-use plumbline_image::still::Photo;
+use plumbline_image::render::{Border, Interpolation, RenderError, RenderOptions, Renderer, StillRendering, complete};
+use plumbline_image::still::{GainMap, Photo, SaveOptions, Saved, StillError, StillFormat, encode};
 use plumbline_image::warp::{Lattice, Map, WarpField};
 use plumbline_num::math::{Point2, PointMap};
 use plumbline_num::run::Run;
@@ -31,6 +32,13 @@ pub enum PhotoBorder {
     Transparent,
     /// What the rest of the picture suggests: skies, walls and floors go on, things are not invented
     Fill,
+}
+
+impl PhotoBorder {
+    /// It is made of the whole result, not of each row by itself.
+    fn is_of_the_whole(self) -> bool {
+        matches!(self, Self::Transparent | Self::Fill)
+    }
 }
 
 /// Settings of `image.render`.
@@ -55,45 +63,103 @@ impl Stage for ImageRenderSettings {
     const OUTPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the sampled picture")];
     const RESAMPLES: bool = true;
     type Input = (Arc<Photo>, Vec<Arc<PhotoMap>>);
-    type Output = (Arc<Photo>,);
+    type Output = (Picture,);
 
     fn memory(&self) -> Vec<MemoryCost> {
         vec![MemoryCost { what: "the result", frames: 1.0, ..MemoryCost::default() }]
     }
 
     fn run(&self, (photo, maps): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let made = rendered(&photo, maps.into_iter().next(), self, &context.job.run());
-        let Some(made) = made.map_err(|e| render_error(context, &e))? else { return Ok((photo,)) };
-        for warning in &made.warnings {
-            context.warn(warning.clone());
+        let Some(lattice) = lattice(&photo, maps.into_iter().next(), self) else { return Ok((Picture::Made(photo),)) };
+        for warning in photo.without_pixels(lattice.size()).warnings {
+            context.warn(warning);
         }
-        Ok((Arc::new(made),))
+        let (settings, run) = (self.clone(), context.job.run());
+        let unsampled = Unsampled { photo, lattice, settings, run, made: OnceLock::new() };
+        Ok((Picture::Unsampled(Arc::new(unsampled)),))
     }
 }
 
-/// The picture through a map, with its gain map; `None` where it stays as it is.
-pub(super) fn rendered(
+/// A picture through a map, before any of its pixels was made.
+pub struct Unsampled {
+    photo: Arc<Photo>,
+    lattice: Lattice,
+    settings: ImageRenderSettings,
+    run: Run,
+    made: OnceLock<Arc<Photo>>,
+}
+
+impl Unsampled {
+    /// Width and height, px.
+    pub(super) fn size(&self) -> (usize, usize) {
+        self.lattice.size()
+    }
+
+    /// The picture, made once.
+    pub(super) fn photo(&self) -> Result<Arc<Photo>, RenderError> {
+        if let Some(made) = self.made.get() {
+            return Ok(made.clone());
+        }
+        let made = through(&self.photo, &self.lattice, &self.settings, &self.run)?;
+        Ok(self.made.get_or_init(|| Arc::new(made)).clone())
+    }
+
+    /// Writes the picture, as it is made where it was not made before.
+    pub(super) fn encode(
+        &self,
+        format: StillFormat,
+        options: SaveOptions,
+        out: impl Write + Seek,
+    ) -> Result<Result<Saved, StillError>, RenderError> {
+        match self.made.get() {
+            Some(made) => Ok(encode(made, format, options, out)),
+            None => written(&self.photo, &self.lattice, &self.settings, (format, options), out, &self.run),
+        }
+    }
+}
+
+/// Writes the picture through a lattice, with its gain map: row by row as they are made, where each has its border by itself.
+pub(super) fn written(
     photo: &Photo,
-    map: Option<Arc<PhotoMap>>,
+    lattice: &Lattice,
     settings: &ImageRenderSettings,
+    (format, options): (StillFormat, SaveOptions),
+    out: impl Write + Seek,
     run: &Run,
-) -> Result<Option<Photo>, RenderError> {
+) -> Result<Result<Saved, StillError>, RenderError> {
+    if settings.border.is_of_the_whole() {
+        return Ok(encode(&through(photo, lattice, settings, run)?, format, options, out));
+    }
+    let renderer = renderer(settings);
+    let rendering = StillRendering::new(&renderer, &photo.frame, lattice)?;
+    let mut head = photo.without_pixels(lattice.size());
+    head.gain_map = gain_map(photo, lattice, &renderer, run)?;
+    Ok(rendering.encode(&head, format, options, out, run))
+}
+
+/// Where the pixels of the result come from; `None` where the picture stays as it is.
+pub(super) fn lattice(photo: &Photo, map: Option<Arc<PhotoMap>>, settings: &ImageRenderSettings) -> Option<Lattice> {
     let source = (photo.frame.width, photo.frame.height);
     let natural = map.as_ref().map_or(source, |m| m.warp.size);
     let size = settings.size.map_or(natural, |size| size.pixels(natural));
-    if map.is_none() && size == source {
-        return Ok(None);
+    match map {
+        None if size == source => None,
+        Some(map) if size == natural => Some(Lattice::between(&map.warp.field, size, source)),
+        map => Some(Lattice::between(&resized(map, natural, size), size, source)),
     }
-    let lattice = match map {
-        Some(map) if size == natural => Lattice::between(&map.warp.field, size, source),
-        map => Lattice::between(&resized(map, natural, size), size, source),
-    };
-    let mut made = photo.with_frame(sampled(&photo.frame, &lattice, settings, run)?);
-    if let Some(gain_map) = &photo.gain_map {
-        // Where nothing is shown, nothing shines.
-        made.gain_map = Some(gain_map.rendered(&lattice, source, &renderer(settings), run)?);
-    }
-    Ok(Some(made))
+}
+
+/// The picture through a lattice, with its gain map.
+fn through(photo: &Photo, lattice: &Lattice, settings: &ImageRenderSettings, run: &Run) -> Result<Photo, RenderError> {
+    let mut made = photo.with_frame(sampled(&photo.frame, lattice, settings, run)?);
+    made.gain_map = gain_map(photo, lattice, &renderer(settings), run)?;
+    Ok(made)
+}
+
+/// The gain map of a picture through the lattice that shows the picture. Where nothing is shown, nothing shines.
+fn gain_map(photo: &Photo, lattice: &Lattice, renderer: &Renderer, run: &Run) -> Result<Option<GainMap>, RenderError> {
+    let whole = (photo.frame.width, photo.frame.height);
+    photo.gain_map.as_ref().map(|map| map.rendered(lattice, whole, renderer, run)).transpose()
 }
 
 /// The picture through a lattice, and what fills the rest.
@@ -104,7 +170,7 @@ pub(super) fn sampled(
     run: &Run,
 ) -> Result<Frame, RenderError> {
     let renderer = renderer(settings);
-    if !matches!(settings.border, PhotoBorder::Transparent | PhotoBorder::Fill) {
+    if !settings.border.is_of_the_whole() {
         return renderer.render_still(frame, lattice, run);
     }
     let lost = RenderError::Plane { plane: 0, role: "source" };
@@ -169,7 +235,7 @@ fn options(settings: &ImageRenderSettings) -> RenderOptions {
     }
 }
 
-fn render_error(context: &Context<'_, '_>, error: &RenderError) -> RunError {
+pub(super) fn render_error(context: &Context<'_, '_>, error: &RenderError) -> RunError {
     let name = context.summary.input.as_ref().map_or("the picture", |i| i.name.as_str());
     match error {
         RenderError::Interrupted(stopped) => (*stopped).into(),

@@ -1,14 +1,14 @@
 //! `image.save`: writes a still picture.
 
 use std::io;
-use std::sync::Arc;
 
 use super::files::{cannot, filled, try_begin};
+use super::image_render::render_error;
 use super::photo::still_error;
 use super::prelude::*;
+use super::values::Picture;
 use crate::pipeline::paths::to_path;
-use plumbline_image::still::Photo;
-use plumbline_image::still::{SaveOptions, Saved, StillFormat, encode};
+use plumbline_image::still::{SaveOptions, Saved, StillError, StillFormat, encode};
 
 /// Settings of `image.save`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,17 +28,30 @@ impl Default for ImageSaveSettings {
     }
 }
 
+impl ImageSaveSettings {
+    /// The kind of the file, and how it is written.
+    pub(super) fn file(&self) -> Result<(StillFormat, SaveOptions), StillError> {
+        Ok((StillFormat::of_name(&to_path(&self.path))?, SaveOptions { quality: self.quality }))
+    }
+}
+
 impl Stage for ImageSaveSettings {
     const KIND: &'static str = "image.save";
     const SUMMARY: &'static str = "writes a still picture with its metadata and color profile";
     const INPUTS: &'static [Port] = &[Port::one("image", PortType::Image, "the picture")];
     const OUTPUTS: &'static [Port] = &[Port::one("file", PortType::File, "the file")];
     const REQUIRED: &'static [&'static str] = &["path"];
-    type Input = (Arc<Photo>,);
+    type Input = (Picture,);
     type Output = (Written,);
 
     fn memory(&self) -> Vec<MemoryCost> {
-        vec![MemoryCost { what: "packed samples", frames: 1.0, ..MemoryCost::default() }]
+        match self.file() {
+            // Their encoders take all samples at once; the others take bands.
+            Ok((StillFormat::Png | StillFormat::WebP, _)) => {
+                vec![MemoryCost { what: "packed samples", frames: 1.0, ..MemoryCost::default() }]
+            }
+            _ => Vec::new(),
+        }
     }
 
     fn writes(&self) -> Vec<String> {
@@ -47,20 +60,23 @@ impl Stage for ImageSaveSettings {
 
     fn preflight(&self) -> Result<(), RunError> {
         let path = &to_path(&self.path);
-        StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
+        self.file().map_err(|e| still_error(path, &e))?;
         try_begin(path)
     }
 
-    fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
+    fn run(&self, (picture,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let path = &to_path(&self.path);
-        let format = StillFormat::of_name(path).map_err(|e| still_error(path, &e))?;
-        let (options, if_exists) = (SaveOptions { quality: self.quality }, context.job.if_exists());
-        let mut saved = Ok(Saved::default());
+        let (format, options) = self.file().map_err(|e| still_error(path, &e))?;
+        let if_exists = context.job.if_exists();
+        let mut saved = Ok(Ok(Saved::default()));
         let unfinished = filled(path, if_exists, |out| {
-            saved = encode(&photo, format, options, out);
+            saved = match &picture {
+                Picture::Made(photo) => Ok(encode(photo, format, options, out)),
+                Picture::Unsampled(unsampled) => unsampled.encode(format, options, out),
+            };
             Ok::<_, io::Error>(())
         })?;
-        let saved = saved.map_err(|e| still_error(path, &e))?;
+        let saved = saved.map_err(|e| render_error(context, &e))?.map_err(|e| still_error(path, &e))?;
         context.job.check_cancel()?;
         context.job.publishing(unfinished.path(), path)?;
         unfinished.publish(path, if_exists).map_err(|e| cannot(path, &e))?;
@@ -68,7 +84,11 @@ impl Stage for ImageSaveSettings {
             context.warn(format!("{}: {warning}", path.display()));
         }
         context.summary.outputs.push(path.to_owned());
-        context.summary.size = Some((photo.frame.width as u32, photo.frame.height as u32));
+        let (width, height) = match &picture {
+            Picture::Made(photo) => (photo.frame.width, photo.frame.height),
+            Picture::Unsampled(unsampled) => unsampled.size(),
+        };
+        context.summary.size = Some((width as u32, height as u32));
         Ok((Written,))
     }
 }

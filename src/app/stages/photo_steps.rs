@@ -1,6 +1,7 @@
 //! The steps of rectifying a photo, one call each: for a program that shows the result while settings change. The stages make the
 //! same calls, so that their pipeline gives what was shown.
 
+use std::io::{Seek, Write};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -9,12 +10,15 @@ use serde_json::Map;
 pub use super::lines_detect::line_search;
 pub use super::photo::lens::{Found as FoundLens, LensClues, LensRequest, find as find_lens};
 use super::values::PhotoMap;
-use super::{ImageRenderSettings, PhotoRectifySettings, image_load, image_render, photo, photo_rectify};
+use super::{
+    ImageRenderSettings, ImageSaveSettings, PhotoRectifySettings, image_load, image_render, photo, photo_rectify,
+};
+use crate::pipeline::paths::to_path;
 use crate::pipeline::run_error::RunError;
 use plumbline_camera::Lens;
 use plumbline_image::Frame;
 use plumbline_image::render::RenderError;
-use plumbline_image::still::Photo;
+use plumbline_image::still::{Photo, Saved, StillError};
 use plumbline_num::run::Run;
 use plumbline_photo::PhotoWarp;
 use plumbline_photo::rectify::{RectifyInput, RectifyOptions};
@@ -41,20 +45,29 @@ pub fn rectified(input: &RectifyInput<'_>, settings: &PhotoRectifySettings, run:
     photo::rectified(input, &rectify_options(settings, input.lens), wanted, run)
 }
 
-/// The picture that `image.render` makes.
+/// Writes the picture that `image.render` makes, as `image.save` does.
 ///
 /// # Errors
-/// [`RunError`]: a picture that is too large to render, an interruption.
-pub fn rendered(photo: &Photo, warp: PhotoWarp, settings: &ImageRenderSettings, run: &Run) -> Result<Photo, RunError> {
-    let map = Arc::new(PhotoMap { warp, report: Map::new() });
-    let made = image_render::rendered(photo, Some(map), settings, run).map_err(render_error)?;
-    made.ok_or_else(|| RunError::Internal("a picture with a map was not rendered".to_owned()))
+/// [`RunError`]: a picture that is too large to render or for the format, an interruption, the disk.
+pub fn written(
+    photo: &Photo,
+    warp: PhotoWarp,
+    (render, save): (&ImageRenderSettings, &ImageSaveSettings),
+    out: impl Write + Seek,
+    run: &Run,
+) -> Result<Saved, RunError> {
+    let (path, map) = (to_path(&save.path), Arc::new(PhotoMap { warp, report: Map::new() }));
+    let said = |e: StillError| photo::still_error(&path, &e);
+    let file = save.file().map_err(said)?;
+    let lattice = image_render::lattice(photo, Some(map), render);
+    let lattice = lattice.ok_or_else(|| RunError::Internal("a picture with a map was not rendered".to_owned()))?;
+    image_render::written(photo, &lattice, render, file, out, run).map_err(render_error)?.map_err(said)
 }
 
 /// A part of what `image.render` makes, at any scale: `lattice` says where its pixels come from.
 ///
 /// # Errors
-/// As [`rendered`].
+/// As [`written`].
 pub fn rendered_part(
     frame: &Frame,
     lattice: &plumbline_image::warp::Lattice,

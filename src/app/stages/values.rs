@@ -6,7 +6,10 @@ use std::sync::{Arc, Weak};
 
 use nalgebra::Point3;
 
+use super::context::Context;
+use super::image_render::{Unsampled, render_error};
 use super::photo::lens::Found;
+use crate::pipeline::graph::Edge;
 use crate::pipeline::port::PortType;
 use crate::pipeline::port_value::PortValue;
 use crate::pipeline::run_error::RunError;
@@ -17,8 +20,33 @@ use plumbline_photo::{Line, PhotoWarp};
 use plumbline_shape::character::io::Rig;
 use plumbline_shape::mesh::{MeshError, Model, TriMesh};
 
+/// A picture that the stage that writes it may write while it is made.
+#[derive(Clone)]
+pub enum Picture {
+    /// Its pixels are there.
+    Made(Arc<Photo>),
+    /// They are made when they are asked for, for the first stage that needs the whole of them.
+    Unsampled(Arc<Unsampled>),
+}
+
+impl PortValue for Picture {
+    const DATA: PortType = PortType::Image;
+
+    fn at(context: &Context<'_, '_>, edge: &Edge) -> Result<Self, RunError> {
+        let picture = context.values.get::<Self>(edge).cloned();
+        picture.or_else(|_| context.values.get::<Arc<Photo>>(edge).cloned().map(Self::Made))
+    }
+}
+
 impl PortValue for Arc<Photo> {
     const DATA: PortType = PortType::Image;
+
+    fn at(context: &Context<'_, '_>, edge: &Edge) -> Result<Self, RunError> {
+        match Picture::at(context, edge)? {
+            Picture::Made(photo) => Ok(photo),
+            Picture::Unsampled(unsampled) => unsampled.photo().map_err(|e| render_error(context, &e)),
+        }
+    }
 }
 
 impl PortValue for Arc<[Face]> {

@@ -1,12 +1,13 @@
 //! One picture through its map: transparency weighted, means where the map shrinks.
 
+use std::io::{Seek, Write};
 use std::ops::Range;
 
 use super::alpha::{unweighted, weighted};
 use super::averaged::Spreads;
 use super::plane::Band;
 use super::{RenderError, RenderOptions, Renderer, check_size};
-use crate::still::{GainMap, Photo};
+use crate::still::{GainMap, Photo, RowSource, SaveOptions, Saved, StillError, StillFormat, encode_rows};
 use crate::warp::{Lattice, Map, WarpField};
 use crate::{Frame, PixelFormat};
 use nalgebra::{Matrix2, Matrix2x3};
@@ -90,6 +91,39 @@ impl<'a> StillRendering<'a> {
         self.plain(self.sampled(Band::From(rows.start), rows.len(), run)?)
     }
 
+    /// Writes the result as a picture file, with what `head` has beside its pixels ([`Photo::without_pixels`]). Rows are made as
+    /// they are written: the file is that of the whole, which is never in memory, except for PNG and WebP as packed samples.
+    ///
+    /// ```
+    /// use plumbline_image::render::{RenderOptions, Renderer, StillRendering};
+    /// use plumbline_image::still::{Photo, SaveOptions, StillFormat, frame_of_rgb};
+    /// use plumbline_image::warp::{Lattice, WarpField};
+    /// use plumbline_num::run::Run;
+    ///
+    /// let photo = Photo::new(frame_of_rgb(&[90; 3 * 64], 8, 8)?);
+    /// let lattice = Lattice::between(&WarpField::identity(), (4, 4), (8, 8));
+    /// let renderer = Renderer::new(RenderOptions::default());
+    /// let rendering = StillRendering::new(&renderer, &photo.frame, &lattice)?;
+    /// let head = photo.without_pixels(rendering.size());
+    /// let mut file = std::io::Cursor::new(Vec::new());
+    /// rendering.encode(&head, StillFormat::Jpeg, SaveOptions::default(), &mut file, &Run::default())?;
+    /// assert!(file.into_inner().starts_with(&[0xff, 0xd8]));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Those of [`StillError`] that are about output; [`StillError::Stopped`].
+    pub fn encode(
+        &self,
+        head: &Photo,
+        format: StillFormat,
+        options: SaveOptions,
+        out: impl Write + Seek,
+        run: &Run,
+    ) -> Result<Saved, StillError> {
+        encode_rows(head, &Written { rendering: self, run }, format, options, out)
+    }
+
     /// So many rows, colors weighted by their opacity where there is an alpha plane.
     fn sampled(&self, band: Band, height: usize, run: &Run) -> Result<Frame, RenderError> {
         let source = self.weighted.as_ref().unwrap_or(self.source);
@@ -108,6 +142,30 @@ impl<'a> StillRendering<'a> {
         let lost = RenderError::Plane { plane: format.planes() - 1, role: "destination" };
         unweighted(&made, &mut plain).ok_or(lost)?;
         Ok(plain)
+    }
+}
+
+/// A rendering whose rows go into a file.
+struct Written<'a> {
+    rendering: &'a StillRendering<'a>,
+    run: &'a Run,
+}
+
+impl RowSource for Written<'_> {
+    fn format(&self) -> PixelFormat {
+        self.rendering.format()
+    }
+
+    fn size(&self) -> (usize, usize) {
+        self.rendering.size()
+    }
+
+    fn rows(&self, rows: Range<usize>) -> Result<Frame, StillError> {
+        self.rendering.rows(rows, self.run).map_err(|e| match e {
+            RenderError::Interrupted(stopped) => stopped.into(),
+            // Sizes are checked before: what is left is memory of the source that does not hold its planes.
+            _ => StillError::Layout,
+        })
     }
 }
 
@@ -184,11 +242,14 @@ impl PointMap for Sampled {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
     use super::*;
-    use crate::render::{Border, RenderOptions};
-    use crate::warp::WarpField;
-    use crate::{Layout, PixelFormat};
-    use plumbline_num::math::{Similarity2, Vec2};
+    use crate::Layout;
+    use crate::render::Border;
+    use crate::still::encode;
+    use plumbline_num::math::Similarity2;
+    use plumbline_num::run::Interrupt;
 
     /// Left half red and opaque, right half green and transparent.
     fn halves(bits: u8) -> Frame {
@@ -256,6 +317,49 @@ mod tests {
             }
             assert_eq!(rendering.rows(5..40, &Run::default()).is_err(), chroma > 0, "rows within one of chroma");
             assert!(rendering.rows(60..68, &Run::default()).is_err() && rendering.rows(3..3, &Run::default()).is_err());
+        }
+    }
+
+    #[test]
+    fn a_file_written_as_it_is_sampled_is_the_file_of_the_whole() {
+        let affine = Matrix2x3::new(0.9, 0.1, 1.0, -0.1, 1.6, 3.0);
+        let field = WarpField::identity().then(Map::Affine(affine));
+        let ((w, h), size, run) = ((181, 600), (150, 333), Run::default());
+        let lattice = Lattice::between(&field, size, (w, h));
+        let renderer = Renderer::new(RenderOptions::default());
+        let formats = [StillFormat::Jpeg, StillFormat::Png, StillFormat::Tiff, StillFormat::WebP];
+        for (layout, bits, alpha) in [Layout::Gray, Layout::Gbr]
+            .into_iter()
+            .flat_map(|l| [(l, 8, false), (l, 8, true), (l, 16, false), (l, 16, true)])
+        {
+            let mut photo = Photo::new(Frame::new(PixelFormat { layout, bits, alpha }, w, h));
+            for (plane, y) in (0..photo.frame.format.planes()).flat_map(|p| (0..h).map(move |y| (p, y))) {
+                let value = |x: usize| (x * 150 / w + y * 60 / h + 15 * plane) as u16;
+                if bits == 8 {
+                    let mut rows = photo.frame.plane8_mut(plane).expect("8 bit");
+                    rows.row_mut(y).iter_mut().enumerate().for_each(|(x, v)| *v = value(x) as u8);
+                } else {
+                    let mut rows = photo.frame.plane16_mut(plane).expect("16 bit");
+                    rows.row_mut(y).iter_mut().enumerate().for_each(|(x, v)| *v = value(x) * 256 + x as u16);
+                }
+            }
+            let whole = photo.rendered(&field, size, &run).expect("a still frame");
+            let rendering = StillRendering::new(&renderer, &photo.frame, &lattice).expect("a still frame");
+            let head = photo.without_pixels(size);
+            for (format, quality) in formats.into_iter().flat_map(|format| [80, 92].map(|quality| (format, quality))) {
+                let (mut expected, mut out) = (Cursor::new(Vec::new()), Cursor::new(Vec::new()));
+                let options = SaveOptions { quality };
+                let said = encode(&whole, format, options, &mut expected).expect("it can be written");
+                let saved = rendering.encode(&head, format, options, &mut out, &run).expect("it can be written");
+                assert_eq!(saved, said);
+                assert!(out.into_inner() == expected.into_inner(), "{format:?} {quality} {layout:?} {bits} {alpha}");
+            }
+            let interrupt = Interrupt::new();
+            interrupt.stop();
+            let stopped = Run::with_interrupt(&interrupt);
+            let mut out = Cursor::new(Vec::new());
+            let refused = rendering.encode(&head, StillFormat::Jpeg, SaveOptions::default(), &mut out, &stopped);
+            assert!(matches!(refused, Err(StillError::Stopped(_))) && out.into_inner().is_empty());
         }
     }
 

@@ -2,6 +2,8 @@
 
 use std::io;
 
+use plumbline_num::run::Stopped;
+
 /// Why a picture cannot be read or written. Messages do not name the file: the caller knows it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -81,6 +83,9 @@ pub enum StillError {
     /// The disk is at fault.
     #[error("cannot be written: {0}")]
     Write(#[source] io::Error),
+    /// The run was interrupted, or its time is used up, while pixels were made for the file.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// An encoder refused.
     #[error("cannot be written: {0}")]
     Encode(String),
@@ -105,14 +110,6 @@ impl StillError {
                     Self::Damaged(text)
                 }
             }
-        }
-    }
-
-    /// What an encoder said.
-    pub(super) fn of_encoder(error: image::ImageError) -> Self {
-        match error {
-            image::ImageError::IoError(e) => Self::Write(e),
-            other => Self::Encode(other.to_string()),
         }
     }
 }

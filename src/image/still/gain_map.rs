@@ -8,6 +8,7 @@ use std::io::Cursor;
 use image::ImageDecoder;
 use image::codecs::jpeg::JpegDecoder;
 
+use super::bands::Bands;
 use super::container::pixel_format;
 use super::jpeg::{self, EncodedMap, Written};
 use super::packed::{planes_of, unpack};
@@ -67,7 +68,7 @@ impl GainMap {
     pub(super) fn encoded(&self, quality: u8) -> Result<Vec<u8>, StillError> {
         let mut file = Vec::new();
         let written = Written { xmp: self.xmp.as_deref(), iso: self.iso.as_deref(), ..Written::default() };
-        jpeg::encode(&self.frame, quality, &written, &mut file)?;
+        jpeg::encode(&Bands::of(&self.frame), quality, &written, &mut file)?;
         Ok(file)
     }
 

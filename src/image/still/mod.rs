@@ -17,6 +17,7 @@
 //! Other formats are recognized by their first bytes and refused with a remedy; HEIF pictures (HEIC, AVIF) are left to
 //! the layer that knows a decoder for them ([`StillError::Heif`]).
 
+mod bands;
 mod container;
 mod error;
 mod exif;
@@ -38,14 +39,17 @@ mod tests;
 mod tiff;
 mod xmp;
 
+pub(crate) use bands::RowSource;
+pub use bands::{rgb_of_frame, rgb_of_rows};
 pub use error::StillError;
 pub use exif::exif_of_container;
 pub use facts::ExifTags;
 pub use gain_map::GainMap;
 pub use load::{LoadOptions, decode, load, size};
 pub use orientation::ExifOrientation;
-pub use packed::{frame_of_rgb, oriented, rgb_of_frame};
+pub use packed::{frame_of_rgb, oriented};
 pub use reduce::flattened;
+pub(crate) use save::encode_rows;
 pub use save::{SaveOptions, Saved, encode};
 pub use sniff::{RAW_EXTENSIONS, StillFormat};
 pub use xmp::Xmp;

@@ -5,13 +5,12 @@ use std::any::Any;
 use bytemuck::Pod;
 use rayon::prelude::*;
 
-use super::reduce::{over_white, to_8_bit};
 use super::{ExifOrientation, StillError};
 use crate::simd::multiversion;
 use crate::{Frame, FrameBuffer, Layout, PixelFormat, PlaneMut, PlaneRef, PlaneRows};
 
 /// Rows per parallel task: a task outweighs its scheduling, and small pictures still split.
-const ROWS: usize = 32;
+pub(super) const ROWS: usize = 32;
 
 /// A sample type: `u8` or `u16`.
 pub(super) trait Sample: Pod + Send + Sync {
@@ -245,16 +244,6 @@ pub(super) fn pack_rows<S: Sample>(
     Ok(())
 }
 
-/// All samples of a frame, packed.
-pub(super) fn pack<S: Sample>(frame: &Frame) -> Result<Vec<S>, StillError> {
-    let order = planes_of(frame.format);
-    let row = frame.width * order.len();
-    let mut out = vec![S::zeroed(); row * frame.height];
-    let chunks = out.par_chunks_mut(row * ROWS).enumerate();
-    chunks.map(|(task, rows)| pack_rows(frame, order, task * ROWS, rows)).collect::<Result<(), _>>()?;
-    Ok(out)
-}
-
 /// A frame oriented upright; `None` where its memory does not hold its planes, or its chroma is subsampled.
 pub fn oriented(frame: &Frame, orientation: ExifOrientation) -> Option<Frame> {
     let (w, h) = orientation.size(frame.width, frame.height);
@@ -285,24 +274,6 @@ fn turned_plane<S: Sample>(frame: &Frame, out: &mut Frame, i: usize, orientation
     Some(())
 }
 
-/// Red, green and blue of a still frame in 8 bit, over white where it is transparent.
-///
-/// # Errors
-/// [`StillError::Layout`].
-pub fn rgb_of_frame(frame: &Frame) -> Result<Vec<[u8; 3]>, StillError> {
-    let flat = if frame.format.alpha { Some(over_white(frame)?) } else { None };
-    let flat = flat.as_ref().unwrap_or(frame);
-    let eight = if flat.format.bits > 8 { Some(to_8_bit(flat)?) } else { None };
-    let eight = eight.as_ref().unwrap_or(flat);
-    let gray = eight.format.layout == Layout::Gray;
-    let order: &[usize] = if gray { &[0, 0, 0] } else { &[2, 0, 1] };
-    let mut out = vec![[0_u8; 3]; eight.width * eight.height];
-    let chunks = out.par_chunks_mut(eight.width * ROWS).enumerate();
-    let packed = chunks.map(|(task, rows)| pack_rows::<u8>(eight, order, task * ROWS, bytemuck::cast_slice_mut(rows)));
-    packed.collect::<Result<(), _>>()?;
-    Ok(out)
-}
-
 /// An 8-bit frame of packed red, green and blue.
 ///
 /// # Errors
@@ -314,7 +285,12 @@ pub fn frame_of_rgb(samples: &[u8], width: usize, height: usize) -> Result<Frame
 
 #[cfg(test)]
 mod tests {
+    use super::super::bands::Bands;
     use super::*;
+
+    fn pack(frame: &Frame) -> Vec<u16> {
+        Bands::of(frame).packed(planes_of(frame.format)).expect("a still format")
+    }
 
     #[test]
     fn packing_undoes_unpacking_in_every_format() {
@@ -324,7 +300,7 @@ mod tests {
             let count = 37 * 70 * planes_of(format).len();
             let samples: Vec<u16> = (0..count).map(|i| (i * 7) as u16).collect();
             let frame = unpack(&samples, (37, 70), format, ExifOrientation::default()).expect("as many as it takes");
-            assert_eq!(pack::<u16>(&frame).expect("a still format"), samples);
+            assert_eq!(pack(&frame), samples);
             assert!(unpack(&samples[1..], (37, 70), format, ExifOrientation::default()).is_none());
         }
     }
@@ -341,7 +317,7 @@ mod tests {
             };
             assert_eq!(rows(&own), rows(&apart), "plane {plane}");
         }
-        assert_eq!(pack::<u16>(&own).expect("a still format"), samples);
+        assert_eq!(pack(&own), samples);
         assert!(unpacked(samples[1..].to_vec(), (37, 70), format, ExifOrientation::default()).is_none());
     }
 

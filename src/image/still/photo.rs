@@ -46,10 +46,29 @@ impl Photo {
     /// ```
     #[must_use]
     pub fn with_frame(&self, frame: Frame) -> Self {
-        let moved = self.xmp.as_ref().map(|xmp| xmp.of_moved_pixels((frame.width, frame.height)));
+        let head = self.without_pixels((frame.width, frame.height));
+        Self { frame, ..head }
+    }
+
+    /// [`Photo::with_frame`] for pixels of a size that are not made yet; the frame is one pixel of the same format.
+    /// [`StillRendering::encode`](crate::render::StillRendering::encode) takes it.
+    ///
+    /// ```
+    /// use plumbline_image::still::{Photo, frame_of_rgb};
+    ///
+    /// let mut photo = Photo::new(frame_of_rgb(&[0; 12], 2, 2)?);
+    /// photo.icc = Some(vec![1, 2, 3]);
+    /// let head = photo.without_pixels((400, 300));
+    /// assert_eq!((head.size(), head.icc), ((1, 1), photo.icc));
+    /// # Ok::<(), plumbline_image::still::StillError>(())
+    /// ```
+    #[must_use]
+    pub fn without_pixels(&self, size: (usize, usize)) -> Self {
+        let moved = self.xmp.as_ref().map(|xmp| xmp.of_moved_pixels(size));
         let (xmp, lost) = moved.unwrap_or_default();
         let warning = |what| format!("{what} does not fit the new pixels and was left out");
         Self {
+            frame: Frame::new(self.frame.format, 1, 1),
             exif: self.exif.clone(),
             tags: self.tags.clone(),
             icc: self.icc.clone(),
@@ -58,7 +77,6 @@ impl Photo {
             gain_map: None,
             format: self.format,
             warnings: lost.into_iter().map(warning).collect(),
-            frame,
         }
     }
 

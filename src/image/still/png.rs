@@ -1,60 +1,76 @@
-//! PNG: text chunks that the encoder does not write, put behind the header of the file.
+//! PNG: rows into the stream of the format's crate as they are made, metadata behind the header.
 
-use std::io::{self, Write};
+use std::borrow::Cow;
+use std::io::Write;
 
-/// Length of signature and header chunk, behind which other chunks may come.
-const HEADER: usize = 33;
+use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter, Info, chunk};
 
-/// A chunk of text in UTF-8 (`iTXt`), uncompressed, as XMP must be.
-pub(super) fn international_text(keyword: &str, text: &[u8]) -> Vec<u8> {
-    chunk(*b"iTXt", &[keyword.as_bytes(), &[0, 0, 0, 0, 0], text].concat())
-}
+use super::bands::Bands;
+use super::packed::{Sample, planes_of};
+use super::save::Metadata;
+use super::{StillError, iptc};
+use crate::Layout;
 
-/// A chunk of text in Latin-1 (`tEXt`).
-pub(super) fn text(keyword: &str, text: &[u8]) -> Vec<u8> {
-    chunk(*b"tEXt", &[keyword.as_bytes(), &[0], text].concat())
-}
+/// Bytes of the rows that are made at once, on all threads, and of a chunk of the file.
+const MADE: usize = 16 << 20;
+const CHUNK: usize = 1 << 18;
 
-fn chunk(kind: [u8; 4], content: &[u8]) -> Vec<u8> {
-    let mut out = [&(content.len() as u32).to_be_bytes()[..], &kind, content].concat();
-    out.extend(crc32(&out[4..]).to_be_bytes());
-    out
-}
-
-/// CRC-32 of ISO 3309.
-pub(super) fn crc32(bytes: &[u8]) -> u32 {
-    let step = |c: u32, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
-    !bytes.iter().fold(!0_u32, |c, b| (0..8).fold(c ^ u32::from(*b), step))
-}
-
-/// A file to which chunks are added behind the header, whatever writes it.
-pub(super) struct WithChunks<W> {
-    out: W,
-    /// Bytes of the header that are still to come.
-    header: usize,
-    chunks: Vec<u8>,
-}
-
-impl<W: Write> WithChunks<W> {
-    pub(super) const fn new(out: W, chunks: Vec<u8>) -> Self {
-        Self { out, header: HEADER, chunks }
+/// Writes pixels.
+pub(super) fn encode(bands: &Bands<'_>, metadata: Metadata, out: impl Write) -> Result<(), StillError> {
+    let (format, (width, height)) = (bands.format(), bands.size());
+    let mut info = Info::with_size(width as u32, height as u32);
+    info.color_type = match (format.layout, format.alpha) {
+        (Layout::Gray, false) => ColorType::Grayscale,
+        (Layout::Gray, true) => ColorType::GrayscaleAlpha,
+        (_, false) => ColorType::Rgb,
+        (_, true) => ColorType::Rgba,
+    };
+    info.bit_depth = if format.bits == 8 { BitDepth::Eight } else { BitDepth::Sixteen };
+    info.icc_profile = metadata.icc.map(Cow::Owned);
+    info.exif_metadata = metadata.exif.map(Cow::Owned);
+    let mut encoder = Encoder::with_info(out, info).map_err(refused)?;
+    encoder.set_compression(Compression::Fast);
+    encoder.set_filter(Filter::Adaptive);
+    let mut writer = encoder.write_header().map_err(refused)?;
+    if let Some(xmp) = metadata.xmp {
+        // Not compressed, no language, no translated keyword.
+        let content = [b"XML:com.adobe.xmp\0\0\0\0\0", &xmp.packet[..]].concat();
+        writer.write_chunk(chunk::iTXt, &content).map_err(refused)?;
     }
+    if let Some(iim) = metadata.iptc {
+        let content = [b"Raw profile type iptc\0", iptc::text(&iim).as_bytes()].concat();
+        writer.write_chunk(chunk::tEXt, &content).map_err(refused)?;
+    }
+    let mut stream = writer.stream_writer_with_size(CHUNK).map_err(refused)?;
+    if format.bits == 8 {
+        write_rows::<u8>(bands, |v| v, &mut stream)?;
+    } else {
+        write_rows::<u16>(bands, u16::to_be, &mut stream)?;
+    }
+    stream.finish().map_err(refused)?;
+    writer.finish().map_err(refused)
 }
 
-impl<W: Write> Write for WithChunks<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.header == 0 {
-            return self.out.write(bytes);
+/// Writes packed rows in the byte order of the file.
+fn write_rows<S: Sample>(bands: &Bands<'_>, ordered: fn(S) -> S, out: &mut impl Write) -> Result<(), StillError> {
+    let (order, (width, height)) = (planes_of(bands.format()), bands.size());
+    let row = width * order.len();
+    let rows = (MADE / (row * size_of::<S>()).max(1)).clamp(1, height);
+    let mut made = vec![S::zeroed(); row * rows];
+    for first in (0..height).step_by(rows) {
+        let made = &mut made[..row * rows.min(height - first)];
+        bands.pack_rows(order, first, made)?;
+        for v in made.iter_mut() {
+            *v = ordered(*v);
         }
-        let written = self.out.write(&bytes[..bytes.len().min(self.header)])?;
-        self.header -= written;
-        if self.header == 0 {
-            self.out.write_all(&self.chunks)?;
-        }
-        Ok(written)
+        out.write_all(bytemuck::cast_slice(made)).map_err(StillError::Write)?;
     }
+    Ok(())
+}
 
-    fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
+fn refused(error: EncodingError) -> StillError {
+    match error {
+        EncodingError::IoError(e) => StillError::Write(e),
+        other => StillError::Encode(other.to_string()),
     }
 }

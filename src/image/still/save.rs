@@ -2,13 +2,12 @@
 
 use std::io::{Seek, Write};
 
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
 use image_webp::{ColorType, EncodingError, WebPEncoder};
 
-use super::packed::{is_still, pack};
-use super::{GainMap, Photo, StillError, StillFormat, Xmp, exif, iptc, jpeg, png, reduce, tiff};
-use crate::{Frame, Layout};
+use super::bands::{Bands, Pixels, Reduction, RowSource};
+use super::packed::planes_of;
+use super::{GainMap, Photo, StillError, StillFormat, Xmp, exif, jpeg, png, reduce, tiff};
+use crate::{Layout, PixelFormat};
 
 /// How pictures are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,36 +48,75 @@ pub fn encode(
     options: SaveOptions,
     out: impl Write + Seek,
 ) -> Result<Saved, StillError> {
-    if !is_still(photo.frame.format) {
+    write(photo, Pixels::Frame(&photo.frame), format, options, out)
+}
+
+/// Writes the pixels of `source`, with what `head` has beside its own ([`Photo::without_pixels`]). Rows are made as they are
+/// written, so that the picture is never in memory as a whole; as packed samples it is for PNG and WebP, whose encoders take it at
+/// once.
+pub(crate) fn encode_rows(
+    head: &Photo,
+    source: &dyn RowSource,
+    format: StillFormat,
+    options: SaveOptions,
+    out: impl Write + Seek,
+) -> Result<Saved, StillError> {
+    write(head, Pixels::Rows(source), format, options, out)
+}
+
+/// Writes pixels, and what a photo says beside its own.
+fn write(
+    photo: &Photo,
+    pixels: Pixels<'_>,
+    format: StillFormat,
+    options: SaveOptions,
+    out: impl Write + Seek,
+) -> Result<Saved, StillError> {
+    if !pixels.is_still() {
         return Err(StillError::Layout);
     }
     let mut saved = Saved::default();
-    let metadata = Metadata::of(photo, format, &mut saved);
+    let metadata = Metadata::of(photo, pixels.size(), format, &mut saved);
     if photo.gain_map.is_some() && format != StillFormat::Jpeg {
         saved.warnings.push(format!("{} has no HDR gain map; it was left out, and JPEG keeps it", format.name()));
     }
+    let reduction = reduction(pixels.format(), format);
+    if reduction.eight {
+        saved
+            .warnings
+            .push(format!("{} holds 8 bits per sample, the picture has 16; PNG and TIFF keep them", format.name()));
+    }
+    let bands = Bands::reduced(pixels, reduction);
     match format {
         StillFormat::Jpeg => {
-            let reduced = reduced(&photo.frame, format, false, &mut saved)?;
-            let frame = reduced.as_ref().unwrap_or(&photo.frame);
-            write_jpeg((frame, photo.gain_map.as_ref()), metadata, options.quality, out, &mut saved)?;
+            write_jpeg((&bands, photo.gain_map.as_ref()), metadata, options.quality, out, &mut saved)?;
         }
-        StillFormat::Tiff => tiff::encode(&photo.frame, &metadata, out)?,
-        StillFormat::Png => write_png(&photo.frame, metadata, out)?,
+        StillFormat::Tiff => tiff::encode(&bands, &metadata, out)?,
+        StillFormat::Png => png::encode(&bands, metadata, out)?,
         StillFormat::WebP => {
-            let reduced = reduced(&photo.frame, format, true, &mut saved)?;
-            let frame = reduced.as_ref().unwrap_or(&photo.frame);
-            check_side(frame, format, 16_384)?;
-            write_webp(frame, metadata, out)?;
+            check_side(bands.size(), format, 16_384)?;
+            write_webp(&bands, metadata, out)?;
         }
+    }
+    if bands.was_transparent() {
+        saved.warnings.push(format!("{} has no transparency: what is transparent became white", format.name()));
     }
     Ok(saved)
 }
 
+/// What a format cannot hold of pixels.
+fn reduction(pixels: PixelFormat, format: StillFormat) -> Reduction {
+    let (flat, eight) = match format {
+        StillFormat::Jpeg => (true, true),
+        StillFormat::WebP => (false, true),
+        StillFormat::Png | StillFormat::Tiff => (false, false),
+    };
+    Reduction { flat: flat && pixels.alpha, eight: eight && pixels.bits > 8 }
+}
+
 impl Metadata {
-    /// What a format holds of a photo's metadata, said to be of its frame's size.
-    fn of(photo: &Photo, format: StillFormat, saved: &mut Saved) -> Self {
-        let size = (photo.frame.width, photo.frame.height);
+    /// What a format holds of a photo's metadata, said to be of pixels of this size.
+    fn of(photo: &Photo, size: (usize, usize), format: StillFormat, saved: &mut Saved) -> Self {
         let mut exif = photo.exif.clone();
         if exif.as_mut().is_some_and(|block| !exif::describe(block, size.0, size.1)) {
             exif = None;
@@ -129,97 +167,48 @@ fn fitting_profile(photo: &Photo, saved: &mut Saved) -> Option<Vec<u8>> {
     fits.then(|| icc.to_vec())
 }
 
-/// The frame as 8 bit, and without alpha if the format has none; `None` where it is that already.
-fn reduced(frame: &Frame, format: StillFormat, alpha: bool, saved: &mut Saved) -> Result<Option<Frame>, StillError> {
-    let mut out = None;
-    if frame.format.alpha && !alpha {
-        if !reduce::is_opaque(frame) {
-            saved.warnings.push(format!("{} has no transparency: what is transparent became white", format.name()));
-        }
-        out = Some(reduce::over_white(frame)?);
-    }
-    let current = out.as_ref().unwrap_or(frame);
-    if current.format.bits > 8 {
-        saved
-            .warnings
-            .push(format!("{} holds 8 bits per sample, the picture has 16; PNG and TIFF keep them", format.name()));
-        out = Some(reduce::to_8_bit(current)?);
-    }
-    Ok(out)
-}
-
-pub(super) fn check_side(frame: &Frame, format: StillFormat, most: usize) -> Result<(), StillError> {
-    let (width, height) = (frame.width, frame.height);
+pub(super) fn check_side((width, height): (usize, usize), format: StillFormat, most: usize) -> Result<(), StillError> {
     let side = StillError::Side { width, height, format: format.name(), most };
     if width.max(height) > most { Err(side) } else { Ok(()) }
 }
 
 /// Writes a picture, and its gain map behind it.
 fn write_jpeg(
-    (frame, gain_map): (&Frame, Option<&GainMap>),
+    (bands, gain_map): (&Bands<'_>, Option<&GainMap>),
     mut metadata: Metadata,
     quality: u8,
     mut out: impl Write,
     saved: &mut Saved,
 ) -> Result<(), StillError> {
-    let Some(map) = gain_map else { return jpeg::encode(frame, quality, &jpeg::Written::of(&metadata), out) };
+    let Some(map) = gain_map else { return jpeg::encode(bands, quality, &jpeg::Written::of(&metadata), out) };
     let second = map.encoded(quality)?;
     let Some(packet) = GainMap::announced(metadata.xmp.as_ref(), second.len()) else {
         saved.warnings.push("XMP leaves no room to announce the HDR gain map, which was left out".to_owned());
-        return jpeg::encode(frame, quality, &jpeg::Written::of(&metadata), out);
+        return jpeg::encode(bands, quality, &jpeg::Written::of(&metadata), out);
     };
     metadata.xmp = Some(Xmp { packet, extended: metadata.xmp.and_then(|xmp| xmp.extended) });
     // Of the binary form the picture has the version alone.
     let iso = map.iso.as_ref().map(|_| &[0; 4][..]);
     let mut first = Vec::new();
-    jpeg::encode(frame, quality, &jpeg::Written { iso, ..jpeg::Written::of(&metadata) }, &mut first)?;
+    jpeg::encode(bands, quality, &jpeg::Written { iso, ..jpeg::Written::of(&metadata) }, &mut first)?;
     let joined = jpeg::joined(&first, &second).ok_or_else(|| StillError::Encode("a picture of 4 GiB".to_owned()))?;
     out.write_all(&joined).map_err(StillError::Write)
 }
 
-fn write_png(frame: &Frame, metadata: Metadata, out: impl Write) -> Result<(), StillError> {
-    let refused = |e: image::error::UnsupportedError| StillError::Encode(e.to_string());
-    let packet = metadata.xmp.map(|xmp| png::international_text("XML:com.adobe.xmp", &xmp.packet));
-    let iptc = metadata.iptc.map(|iim| png::text("Raw profile type iptc", iptc::text(&iim).as_bytes()));
-    let out = png::WithChunks::new(out, packet.into_iter().chain(iptc).flatten().collect());
-    let mut encoder = PngEncoder::new_with_quality(out, CompressionType::Fast, FilterType::Adaptive);
-    if let Some(block) = metadata.exif {
-        encoder.set_exif_metadata(block).map_err(refused)?;
-    }
-    if let Some(profile) = metadata.icc {
-        encoder.set_icc_profile(profile).map_err(refused)?;
-    }
-    let color = match (frame.format.layout, frame.format.bits, frame.format.alpha) {
-        (Layout::Gray, 8, false) => ExtendedColorType::L8,
-        (Layout::Gray, 8, true) => ExtendedColorType::La8,
-        (Layout::Gray, _, false) => ExtendedColorType::L16,
-        (Layout::Gray, _, true) => ExtendedColorType::La16,
-        (_, 8, false) => ExtendedColorType::Rgb8,
-        (_, 8, true) => ExtendedColorType::Rgba8,
-        (_, _, false) => ExtendedColorType::Rgb16,
-        (_, _, true) => ExtendedColorType::Rgba16,
-    };
-    let (width, height) = (frame.width as u32, frame.height as u32);
-    let written = if frame.format.bits == 8 {
-        encoder.write_image(&pack::<u8>(frame)?, width, height, color)
-    } else {
-        encoder.write_image(bytemuck::cast_slice(&pack::<u16>(frame)?), width, height, color)
-    };
-    written.map_err(StillError::of_encoder)
-}
-
-fn write_webp(frame: &Frame, metadata: Metadata, out: impl Write) -> Result<(), StillError> {
+fn write_webp(bands: &Bands<'_>, metadata: Metadata, out: impl Write) -> Result<(), StillError> {
     let mut encoder = WebPEncoder::new(out);
     encoder.set_exif_metadata(metadata.exif.unwrap_or_default());
     encoder.set_icc_profile(metadata.icc.unwrap_or_default());
     encoder.set_xmp_metadata(metadata.xmp.map(|xmp| xmp.packet).unwrap_or_default());
-    let color = match (frame.format.layout, frame.format.alpha) {
+    let pixels = bands.format();
+    let color = match (pixels.layout, pixels.alpha) {
         (Layout::Gray, false) => ColorType::L8,
         (Layout::Gray, true) => ColorType::La8,
         (_, false) => ColorType::Rgb8,
         (_, true) => ColorType::Rgba8,
     };
-    let written = encoder.encode(&pack::<u8>(frame)?, frame.width as u32, frame.height as u32, color);
+    let (width, height) = (bands.size().0 as u32, bands.size().1 as u32);
+    let written = encoder.encode(&bands.packed::<u8>(planes_of(pixels))?, width, height, color);
     written.map_err(|e| match e {
         EncodingError::IoError(e) => StillError::Write(e),
         other => StillError::Encode(other.to_string()),

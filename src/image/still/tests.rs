@@ -4,7 +4,6 @@ use std::io::Cursor;
 
 use super::exif::{Order, orientation, tests::sample as exif_block};
 use super::packed::{Sample, planes_of, unpack};
-use super::png::crc32;
 use super::*;
 use crate::{Layout, PixelFormat};
 
@@ -253,11 +252,14 @@ fn kinds_that_are_not_read_are_named_with_what_to_do() {
     let last = first + 2 + 12 * (usize::from(tiff[first]) - 1);
     tiff[last..last + 2].copy_from_slice(&50_706_u16.to_le_bytes());
     assert!(message(&tiff).contains("darktable"), "{}", message(&tiff));
-    // An animation control chunk behind the header of a PNG.
-    let (png, _) = written(&photo(Layout::Gray, 8, false, (40, 26)), StillFormat::Png);
-    let mut chunk = [&8_u32.to_be_bytes()[..], b"acTL", &2_u32.to_be_bytes(), &0_u32.to_be_bytes()].concat();
-    chunk.extend(crc32(&chunk[4..]).to_be_bytes());
-    let apng = [&png[..33], &chunk, &png[33..]].concat();
+    let mut apng = Vec::new();
+    let mut encoder = ::png::Encoder::new(&mut apng, 1, 1);
+    encoder.set_animated(2, 0).expect("two frames");
+    let mut writer = encoder.write_header().expect("into memory");
+    for gray in [0, 9] {
+        writer.write_image_data(&[gray]).expect("into memory");
+    }
+    writer.finish().expect("both frames");
     assert!(message(&apng).contains("animated PNG"), "{}", message(&apng));
 }
 

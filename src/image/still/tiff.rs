@@ -15,14 +15,17 @@ use std::io::{BufRead, Read, Seek, SeekFrom, Write};
 use exif::experimental::Writer;
 use exif::{Context, In, Reader, Tag};
 
+use super::bands::Bands;
 use super::exif::{LONG, Order, SHORT, first_directory};
-use super::packed::{Sample, pack_rows, planes_of};
+use super::packed::{Sample, planes_of};
 use super::save::Metadata;
 use super::{StillError, Xmp, exif as block, iptc};
-use crate::{Frame, Layout};
+use crate::{Layout, PixelFormat};
 
 /// Approximate size of a strip, bytes: large enough to compress, small enough that readers need not hold the picture.
 const STRIP: usize = 1 << 20;
+/// Strips that are made at once, on all threads.
+const STRIPS: usize = 16;
 /// Type of opaque bytes.
 const UNDEFINED: u16 = 7;
 const SAMPLE_FORMAT: u16 = 339;
@@ -115,16 +118,16 @@ fn exif_of(bytes: Vec<u8>, order: Order) -> Option<Vec<u8>> {
 }
 
 /// Planes in the order of the file.
-fn order_of(frame: &Frame) -> &'static [usize] {
-    match (frame.format.layout, frame.format.alpha) {
+fn order_of(format: PixelFormat) -> &'static [usize] {
+    match (format.layout, format.alpha) {
         (Layout::Gray, true) => &[0, 0, 0, 1],
-        _ => planes_of(frame.format),
+        _ => planes_of(format),
     }
 }
 
-/// Writes a frame.
+/// Writes pixels.
 pub(super) fn encode(
-    frame: &Frame,
+    bands: &Bands<'_>,
     Metadata { exif, icc, xmp, iptc }: &Metadata,
     out: impl Write + Seek,
 ) -> Result<(), StillError> {
@@ -133,7 +136,8 @@ pub(super) fn encode(
         Some((bytes, order, entries)) => (bytes.clone(), order, entries),
         None => (b"II*\0\0\0\0\0".to_vec(), Order::Little, Vec::new()),
     };
-    let bytes = (frame.width * frame.height * order_of(frame).len()) as u64 * frame.format.bytes_per_sample() as u64;
+    let (size, format) = (bands.size(), bands.format());
+    let bytes = (size.0 * size.1 * order_of(format).len()) as u64 * format.bytes_per_sample() as u64;
     let whole = bytes
         + (base.len() + [icc, iptc].map(|m| m.as_ref().map_or(0, Vec::len)).iter().sum::<usize>()) as u64
         + (8 << 20);
@@ -146,10 +150,10 @@ pub(super) fn encode(
     for entry in entries.into_iter().filter(|e| !STORAGE.contains(&e.tag) && e.tag != block::ORIENTATION) {
         file.entries.push((entry.tag, entry.bytes));
     }
-    if frame.format.bits == 8 {
-        file.picture::<u8>(frame)?;
+    if format.bits == 8 {
+        file.picture::<u8>(bands)?;
     } else {
-        file.picture::<u16>(frame)?;
+        file.picture::<u16>(bands)?;
     }
     let packet = xmp.as_ref().map(|xmp| &xmp.packet);
     for (tag, kind, content) in
@@ -220,27 +224,30 @@ impl<W: Write + Seek> File<W> {
     }
 
     /// Strips of packed samples, and the entries that describe them.
-    fn picture<S: Sample + Swap>(&mut self, frame: &Frame) -> Result<(), StillError> {
-        let planes = order_of(frame);
+    fn picture<S: Sample + Swap>(&mut self, bands: &Bands<'_>) -> Result<(), StillError> {
+        let ((width, height), format) = (bands.size(), bands.format());
+        let planes = order_of(format);
         let channels = planes.len();
-        let row = frame.width * channels;
-        let rows = (STRIP / (row * size_of::<S>()).max(1)).clamp(1, frame.height);
+        let row = width * channels;
+        let rows = (STRIP / (row * size_of::<S>()).max(1)).clamp(1, height);
         let (mut offsets, mut counts) = (Vec::new(), Vec::new());
-        let mut strip = vec![S::zeroed(); row * rows];
-        for first in (0..frame.height).step_by(rows) {
-            let strip = &mut strip[..row * rows.min(frame.height - first)];
-            pack_rows(frame, planes, first, strip)?;
-            for v in strip.iter_mut() {
+        let mut strips = vec![S::zeroed(); row * (rows * STRIPS).min(height)];
+        for first in (0..height).step_by(rows * STRIPS) {
+            let strips = &mut strips[..row * (rows * STRIPS).min(height - first)];
+            bands.pack_rows(planes, first, strips)?;
+            for v in strips.iter_mut() {
                 *v = v.ordered(self.order);
             }
-            offsets.push(self.at);
-            counts.push(size_of_val(strip) as u32);
-            self.put(bytemuck::cast_slice(strip))?;
+            for strip in strips.chunks(row * rows) {
+                offsets.push(self.at);
+                counts.push(size_of_val(strip) as u32);
+                self.put(bytemuck::cast_slice(strip))?;
+            }
         }
         self.align()?;
-        self.long(256, frame.width);
-        self.long(257, frame.height);
-        self.list(258, SHORT, &vec![u32::from(frame.format.bits); channels])?;
+        self.long(256, width);
+        self.long(257, height);
+        self.list(258, SHORT, &vec![u32::from(format.bits); channels])?;
         self.short(259, 1);
         self.short(262, if channels == 1 { 1 } else { 2 });
         self.list(273, LONG, &offsets)?;
@@ -249,7 +256,7 @@ impl<W: Write + Seek> File<W> {
         self.long(278, rows);
         self.list(279, LONG, &counts)?;
         self.short(284, 1);
-        if frame.format.alpha {
+        if format.alpha {
             // 2: not premultiplied.
             self.short(338, 2);
         }

@@ -12,7 +12,7 @@
 
 use crate::Line;
 use plumbline_image::Frame;
-use plumbline_image::still::rgb_of_frame;
+use plumbline_image::still::{StillError, rgb_of_rows};
 use plumbline_num::math::{Point2, Rect, Vec2};
 
 /// Maximum number of blocks along the longer side: the seams' time grows with its cube.
@@ -31,6 +31,8 @@ const MIN_FRAME_PERCENT: usize = 10;
 const LINE_MARGIN: usize = 2;
 /// Difference from black or white, gray levels, up to which a border counts as one of them.
 const COLOR_TOLERANCE: u8 = 16;
+/// Rows of colors that are in memory at once: tasks of all threads, and few megabytes.
+const BAND_PX: usize = 256;
 /// Dilation of the outside, px: the reach of compression ringing that the mixed edge leaves.
 const RINGING_PX: usize = 2;
 
@@ -199,11 +201,12 @@ fn outside(frame: &Frame) -> Option<Outside> {
         let outside = flooded(&|k| clear[k]);
         return outside.contains(&true).then_some(Outside { outside, difference: None });
     }
-    let pixels = rgb_of_frame(frame).ok()?;
-    let color = border_color(&pixels, &around)?;
+    let color = border_color(&frame_colors(frame).ok()?)?;
     let furthest = |pixel: &[u8; 3]| pixel.iter().zip(color).map(|(v, c)| v.abs_diff(c)).max().unwrap_or(0);
-    let difference: Vec<u8> = pixels.iter().map(furthest).collect();
-    drop(pixels);
+    let mut difference: Vec<u8> = Vec::with_capacity(width * height);
+    for rows in bands(frame) {
+        difference.extend(rows.ok()?.iter().map(furthest));
+    }
     let share = |o: &[bool]| o.iter().filter(|v| **v).count() as f64 / o.len() as f64;
     let mut found: Option<(f64, Vec<bool>)> = None;
     for tolerance in TOLERANCES {
@@ -275,13 +278,28 @@ fn transparent(frame: &Frame) -> Option<Vec<bool>> {
     rows.map(|rows| rows.concat()).filter(|clear| clear.contains(&true))
 }
 
-/// The most frequent color of the frame's pixels, if it is black or white and frequent enough.
-fn border_color(pixels: &[[u8; 3]], around: &[usize]) -> Option<[u8; 3]> {
+/// Colors of the frame's rows from top to bottom, in bands: a large picture is not in memory twice.
+fn bands(frame: &Frame) -> impl Iterator<Item = Result<Vec<[u8; 3]>, StillError>> {
+    let starts = (0..frame.height).step_by(BAND_PX);
+    starts.map(|first| rgb_of_rows(frame, first..(first + BAND_PX).min(frame.height)))
+}
+
+/// Colors of the pixels along the frame; those of the corners are twice in it.
+fn frame_colors(frame: &Frame) -> Result<Vec<[u8; 3]>, StillError> {
+    let mut colors = [rgb_of_rows(frame, 0..1)?, rgb_of_rows(frame, frame.height - 1..frame.height)?].concat();
+    for rows in bands(frame) {
+        colors.extend(rows?.chunks(frame.width).flat_map(|row| [row[0], row[row.len() - 1]]));
+    }
+    Ok(colors)
+}
+
+/// The most frequent of the colors along the frame, if it is black or white and frequent enough.
+fn border_color(around: &[[u8; 3]]) -> Option<[u8; 3]> {
     let mut bins = std::collections::BTreeMap::<[u8; 3], (usize, [usize; 3])>::new();
-    for &k in around {
-        let (count, sum) = bins.entry(pixels[k].map(|v| v >> 4)).or_default();
+    for color in around {
+        let (count, sum) = bins.entry(color.map(|v| v >> 4)).or_default();
         *count += 1;
-        sum.iter_mut().zip(pixels[k]).for_each(|(sum, v)| *sum += usize::from(v));
+        sum.iter_mut().zip(color).for_each(|(sum, v)| *sum += usize::from(*v));
     }
     let (_, (count, sum)) = bins.into_iter().max_by_key(|(_, (count, _))| *count)?;
     let color = sum.map(|s| (s / count) as u8);

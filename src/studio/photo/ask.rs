@@ -8,8 +8,8 @@ use super::{PhotoWorkspace, method};
 use crate::error::StudioError;
 use crate::workspace::Answer;
 use plumbline_app::pipeline::paths::to_path;
-use plumbline_app::stages::photo_steps::rendered;
-use plumbline_image::still::{SaveOptions, StillFormat, encode};
+use plumbline_app::stages::photo_steps::written;
+use plumbline_image::still::StillFormat;
 use plumbline_num::run::Run;
 
 /// Extensions of files that describe lenses.
@@ -22,13 +22,11 @@ impl PhotoWorkspace {
     pub(super) fn export(&mut self, document: &PhotoDocument, run: &Run) -> Result<Answer, StudioError> {
         let said = document.pipeline.said();
         let path = to_path(&said.save.path);
-        let format = StillFormat::of_name(&path).map_err(|e| StudioError::request(e.to_string()))?;
+        StillFormat::of_name(&path).map_err(|e| StudioError::request(e.to_string()))?;
         let warp = self.map_at_rest(document, run)?;
         let bytes = self.analysis.with_whole(&self.path, &said.photo, |photo| {
-            let made = rendered(photo, warp, &said.render, run).map_err(method)?;
             let mut bytes = Cursor::new(Vec::new());
-            let options = SaveOptions { quality: said.save.quality };
-            encode(&made, format, options, &mut bytes).map_err(|e| StudioError::Method(e.to_string()))?;
+            written(photo, warp, (&said.render, &said.save), &mut bytes, run).map_err(method)?;
             Ok(bytes.into_inner())
         })?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -95,6 +95,7 @@ pub(crate) fn still_error(path: &Path, error: &StillError) -> RunError {
     match error {
         StillError::Extension(_) => RunError::Usage(error.to_string()),
         StillError::Layout => RunError::Internal(text),
+        StillError::Stopped(stopped) => (*stopped).into(),
         e if e.is_about_output() => RunError::Output(text),
         _ => RunError::Input(text),
     }

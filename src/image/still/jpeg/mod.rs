@@ -18,9 +18,10 @@ pub(super) use multi_picture::{EncodedMap, gain_map, joined};
 use segments::segment;
 pub(super) use segments::{Found, MAX_EXIF, MAX_IPTC, MAX_XMP, Written, exif_and_profile, found};
 
+use super::bands::Bands;
 use super::save::check_side;
 use super::{StillError, StillFormat};
-use crate::{Frame, Layout, PlaneRef};
+use crate::{Layout, PlaneRef};
 
 /// Quality from which chroma is not subsampled.
 const FULL_CHROMA: u8 = 90;
@@ -89,30 +90,31 @@ fn frame_header(code: u8, header: &[u8]) -> Result<Head, StillError> {
     }
 }
 
-/// Writes an 8-bit frame without alpha.
+/// Writes 8-bit pixels without alpha.
 pub(super) fn encode(
-    frame: &Frame,
+    bands: &Bands<'_>,
     quality: u8,
     metadata: &Written<'_>,
     mut out: impl Write,
 ) -> Result<(), StillError> {
-    check_side(frame, StillFormat::Jpeg, 65_500)?;
-    let planes: Vec<PlaneRef<'_, u8>> =
-        (0..frame.format.planes()).map(|i| frame.plane8(i)).collect::<Option<_>>().ok_or(StillError::Layout)?;
-    let color = frame.format.layout == Layout::Gbr;
+    let (width, height) = bands.size();
+    check_side((width, height), StillFormat::Jpeg, 65_500)?;
+    let color = bands.format().layout == Layout::Gbr;
     let block = if color && quality < FULL_CHROMA { 16 } else { 8 };
-    let (across, down) = (frame.width.div_ceil(block), frame.height.div_ceil(block));
+    let (across, down) = (width.div_ceil(block), height.div_ceil(block));
     let rows = down.div_ceil(BANDS).clamp(1, (MAX_INTERVAL / across).max(1));
-    let bands: Vec<Band<'_>> = (0..down)
-        .step_by(rows)
-        .map(|row| Band { planes: &planes, first: row * block, height: (frame.height - row * block).min(rows * block) })
-        .collect();
-    let coded = bands.into_par_iter().enumerate().map(|(i, band)| {
+    let coded = (0..down.div_ceil(rows)).into_par_iter().map(|i| {
+        let first = i * rows * block;
+        let band = bands.band(first..height.min(first + rows * block))?;
+        let frame = band.frame();
+        let planes: Option<Vec<_>> = (0..frame.format.planes()).map(|plane| frame.plane8(plane)).collect();
+        let planes = planes.ok_or(StillError::Layout)?;
         let none = Written::default();
-        band.encode(quality, if i == 0 { metadata } else { &none }).map_err(|e| StillError::Encode(e.to_string()))
+        let rows = Rows { planes: &planes, first: band.first, height: (height - first).min(rows * block) };
+        rows.encode(quality, if i == 0 { metadata } else { &none }).map_err(|e| StillError::Encode(e.to_string()))
     });
     let coded: Vec<Vec<u8>> = coded.collect::<Result<_, _>>()?;
-    join(&coded, frame.height as u16, (rows * across) as u16, &mut out)
+    join(&coded, height as u16, (rows * across) as u16, &mut out)
 }
 
 /// Writes the bands as one picture.
@@ -156,13 +158,13 @@ fn landmarks(bytes: &[u8]) -> Option<(usize, usize)> {
 }
 
 /// Rows of a picture, as a picture of its own.
-struct Band<'p> {
+struct Rows<'p> {
     planes: &'p [PlaneRef<'p, u8>],
     first: usize,
     height: usize,
 }
 
-impl Band<'_> {
+impl Rows<'_> {
     fn encode(self, quality: u8, metadata: &Written<'_>) -> Result<Vec<u8>, EncodingError> {
         let mut out = Vec::with_capacity(self.planes[0].width() * self.height / 2);
         let mut encoder = Encoder::new(&mut out, quality);
@@ -178,7 +180,7 @@ impl Band<'_> {
 /// Gray of a color difference and the rounding of its sums, in 16-bit fixed point.
 const CENTER: i32 = (128 << 16) + 32_767;
 
-impl ImageBuffer for Band<'_> {
+impl ImageBuffer for Rows<'_> {
     fn get_jpeg_color_type(&self) -> JpegColorType {
         if self.planes.len() == 1 { JpegColorType::Luma } else { JpegColorType::Ycbcr }
     }
