@@ -11,6 +11,7 @@ pub mod composition;
 pub mod correspondence;
 mod elastic_solve;
 mod error;
+mod folds;
 pub mod intersections;
 pub mod paint;
 mod rigid;

@@ -27,6 +27,7 @@ use nalgebra::{Matrix2, Matrix3x2, Point3, SymmetricEigen, Vector2, Vector3};
 
 use super::super::MorphError;
 use super::super::bvh::SurfacePoint;
+use super::super::folds::normals_around;
 use super::walk::{Foot, Ground};
 use crate::mesh::{TriMesh, neighbors_of_vertices};
 use plumbline_num::math::Lists;
@@ -165,8 +166,8 @@ pub(super) fn relax(
         map.descend(&free, free.clone(), epsilon, run)?;
     }
     for _ in 0..MAX_UNFOLDINGS {
-        let shape = first.with_positions(map.feet.iter().map(|f| Point3::from(f.point)).collect())?;
-        map.around_each = Some(normals_around(&shape));
+        let mapped: Vec<Point3<f64>> = map.feet.iter().map(|f| Point3::from(f.point)).collect();
+        map.around_each = Some(normals_around(first.triangles(), &mapped));
         let folded = map.corners_of_folds(&free);
         if !folded.contains(&true) {
             break;
@@ -177,22 +178,6 @@ pub(super) fn relax(
         *point = foot.surface_point(ground);
     }
     Ok(())
-}
-
-/// The unit normal of the triangles around each one, those at its corners without itself, by area.
-fn normals_around(mesh: &TriMesh) -> Vec<Vector3<f64>> {
-    let normals: Vec<Vector3<f64>> = (0..mesh.triangle_count()).map(|t| mesh.area_normal(t)).collect();
-    let mut sums = vec![Vector3::zeros(); mesh.vertex_count()];
-    for (corners, normal) in mesh.triangles().iter().zip(&normals) {
-        for v in corners {
-            sums[*v as usize] += normal;
-        }
-    }
-    let around = |(corners, own): (&[u32; 3], &Vector3<f64>)| {
-        let others: Vector3<f64> = corners.iter().map(|v| sums[*v as usize] - own).sum();
-        others.try_normalize(0.0).unwrap_or_default()
-    };
-    mesh.triangles().iter().zip(&normals).map(around).collect()
 }
 
 /// The map during relaxation.

@@ -19,6 +19,8 @@
 //! from linear interpolation, and what ends lower at half time is taken: chains of rotations carry a long twist, but go the wrong way
 //! round behind triangles that the correspondence turned over.
 //!
+//! A triangle that such shapes fold follows one pose alone ([`following`]).
+//!
 //! The weights `h` are the means of the half cotangents of both poses, so that the matrix is the same for every time, even for
 //! times that vary over the surface ([`Trajectory::blend`]): one factor serves all frames. The method is symmetric in the two
 //! poses. The global motion, the best rotation and the displacement of the centroid, is removed first and interpolated as a
@@ -31,6 +33,7 @@
 //! for paths that are as rigid as possible towards both ends; I. Chao, U. Pinkall, P. Sanan, P. Schröder, *A simple geometric model for
 //! elastic deformations*, SIGGRAPH 2010, for the cells.
 
+mod following;
 mod frames;
 mod rotation_paths;
 #[cfg(test)]
@@ -53,6 +56,7 @@ use super::error::check_size;
 use super::rigid::{Screw, centroid, nearest_similarity};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
+use following::{Follows, SEARCHED, follows};
 pub(super) use frames::{Frame, opposite_edges};
 use plumbline_num::math::{Lists, nearest_rotation};
 use plumbline_num::run::{Run, Stopped};
@@ -106,6 +110,8 @@ pub struct Trajectory {
     /// `exp(τ ωₜ)`, without the global motion.
     rotations: RotationPaths,
     start: Start,
+    /// Which ends each triangle follows.
+    follows: Vec<Follows>,
     /// Fraction of each vertex in the area of the surface.
     weights: Vec<f64>,
     solve: ElasticSolve,
@@ -137,6 +143,7 @@ impl Trajectory {
         let mut this = Self {
             rotations: RotationPaths::new(&triangles, &rotations),
             start: Start::RotatedEdges,
+            follows: vec![Follows::default(); triangles.len()],
             first: first.positions().to_vec(),
             second: second.positions().to_vec(),
             triangles,
@@ -147,15 +154,16 @@ impl Trajectory {
             iterations: options.iterations,
             own_intersections: OnceLock::new(),
         };
-        this.start = this.lower_start(run)?;
+        if this.iterations > 0 && !this.rotations.is_unique() {
+            this.start = this.lower_start(run)?;
+            let between = SEARCHED.map(|time| this.at(time, run)).into_iter().collect::<Result<Vec<_>, _>>()?;
+            this.follows = follows(&this.triangles, [&this.first, &this.aligned], &between);
+        }
         Ok(this)
     }
 
-    /// The start from which refinement ends lower at half time, where rotations are ambiguous.
+    /// The start from which refinement ends lower at half time.
     fn lower_start(&mut self, run: &Run) -> Result<Start, Stopped> {
-        if self.iterations == 0 || self.rotations.is_unique() {
-            return Ok(Start::RotatedEdges);
-        }
         let mut energy = |start: Start| {
             self.start = start;
             let x = self.at(0.5, run)?;
@@ -213,11 +221,15 @@ impl Trajectory {
         Ok(x)
     }
 
-    /// The energy that [`Self::at`] minimizes: the distance of the cell of every vertex from both poses up to rotations, in the size of
-    /// the time, squared length.
+    /// The energy that [`Self::at`] minimizes: the distance of the cell of every vertex from both poses up to rotations, or from one where
+    /// the shapes between fold, in the size of the time, squared length.
     pub fn energy(&self, time: f64, x: &[Point3<f64>]) -> f64 {
         let size = self.motion.size(time);
         let to_end = |end: usize| -> f64 {
+            let weight = |t: usize| {
+                let second = self.follows[t].weight(time);
+                if end == 0 { 1.0 - second } else { second }
+            };
             let cells = self.cell_rotations(end, x);
             let of_triangle = |t: usize| -> f64 {
                 let (rest, now) = (self.edges(self.end(end), t), self.edges(x, t));
@@ -225,11 +237,11 @@ impl Trajectory {
                     let square = |k: usize| (now[k] - cells[*v as usize] * rest[k] * size).norm_squared();
                     (0..3).map(|k| self.solve.half()[t][k] * square(k)).sum()
                 };
-                self.triangles[t].iter().map(of_cell).sum()
+                weight(t) * self.triangles[t].iter().map(of_cell).sum::<f64>()
             };
             (0..self.triangles.len()).map(of_triangle).sum()
         };
-        (1.0 - time) * to_end(0) + time * to_end(1)
+        to_end(0) + to_end(1)
     }
 
     /// Linear interpolation of the positions, for comparison.
@@ -291,8 +303,8 @@ impl Trajectory {
                 let sum: Matrix3<f64> = self.triangles[t].iter().map(|v| cells[end][*v as usize]).sum();
                 self.edges(self.end(end), t).map(|e| sum * e / 3.0)
             });
-            let size = self.motion.size(time);
-            std::array::from_fn(|k| (a[k] * (1.0 - time) + b[k] * time) * size)
+            let (size, second) = (self.motion.size(time), self.follows[t].weight(time));
+            std::array::from_fn(|k| (a[k] * (1.0 - second) + b[k] * second) * size)
         };
         times.iter().enumerate().map(of_triangle).collect()
     }

@@ -2,6 +2,7 @@ use std::f64::consts::PI;
 
 use super::*;
 use crate::mesh::shapes;
+use crate::morph::folds::conformities;
 use plumbline_num::run::Run;
 
 fn turned(mesh: &TriMesh, turn: Vector3<f64>, pivot: Point3<f64>) -> TriMesh {
@@ -295,4 +296,29 @@ fn a_limb_behind_triangles_that_are_turned_over_goes_the_short_way() {
     let found = trajectory.at(0.5, &Run::default()).expect("a run that never stops");
     let tip = |x: &[Point3<f64>]| x.iter().max_by(|a, b| a.z.total_cmp(&b.z)).copied().expect("not empty");
     assert!((tip(&found) - tip(&expected)).norm() < 0.4, "{} for {}", tip(&found), tip(&expected));
+}
+
+#[test]
+fn shapes_toward_a_folded_end_fold_less() {
+    let bar = shapes::bar([6, 6, 30], [0.4, 0.4, 2.0]);
+    // A ring is turned by 160° about the axis: the triangles beside it turn over.
+    let about = UnitQuaternion::from_scaled_axis(Vector3::z() * 160_f64.to_radians());
+    let center = Vector3::new(0.2, 0.2, 0.0);
+    let place = |p: &Point3<f64>| if (p.z - 1.0).abs() < 0.01 { about * (p - center) + center } else { *p };
+    let folded = bar.with_positions(bar.positions().iter().map(place).collect()).unwrap();
+    let folds = |x: &[Point3<f64>]| conformities(bar.triangles(), x).iter().filter(|c| **c < 0.0).count();
+    let run = Run::default();
+    for (first, second) in [(&bar, &folded), (&folded, &bar)] {
+        let mut trajectory = Trajectory::new(first, second, &TrajectoryOptions::default(), &run).unwrap();
+        let at = |trajectory: &mut Trajectory, time: f64| trajectory.at(time, &run).expect("a run that never stops");
+        let shapes = [0.25, 0.5, 0.75].map(|time| at(&mut trajectory, time));
+        for time in [0.1, 0.9, 1.0, 0.0] {
+            let jump = worst(&at(&mut trajectory, time - 1e-6), &at(&mut trajectory, time + 1e-6));
+            assert!(jump < 1e-3, "at {time}: {jump}");
+        }
+        trajectory.follows.fill(Follows::Both);
+        let means = [0.25, 0.5, 0.75].map(|time| at(&mut trajectory, time));
+        let [found, mean] = [shapes, means].map(|x| x.iter().map(|x| folds(x)).sum::<usize>());
+        assert!(2 * found < mean, "{found} folds for {mean} of the means");
+    }
 }
