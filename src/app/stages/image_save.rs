@@ -45,13 +45,11 @@ impl Stage for ImageSaveSettings {
     type Output = (Written,);
 
     fn memory(&self) -> Vec<MemoryCost> {
-        match self.file() {
-            // Their encoders take all samples at once; the others take bands.
-            Ok((StillFormat::Png | StillFormat::WebP, _)) => {
-                vec![MemoryCost { what: "packed samples", frames: 1.0, ..MemoryCost::default() }]
-            }
-            _ => Vec::new(),
+        if !matches!(self.file(), Ok((StillFormat::WebP, _))) {
+            return Vec::new();
         }
+        // The encoder takes all samples at once, and copies them with an alpha channel; the others take bands.
+        vec![MemoryCost { what: "packed samples", frames: 2.5, ..MemoryCost::default() }]
     }
 
     fn writes(&self) -> Vec<String> {

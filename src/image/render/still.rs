@@ -92,7 +92,7 @@ impl<'a> StillRendering<'a> {
     }
 
     /// Writes the result as a picture file, with what `head` has beside its pixels ([`Photo::without_pixels`]). Rows are made as
-    /// they are written: the file is that of the whole, which is never in memory, except for PNG and WebP as packed samples.
+    /// they are written: the file is that of the whole, which is never in memory, except for WebP as packed samples.
     ///
     /// ```
     /// use plumbline_image::render::{RenderOptions, Renderer, StillRendering};

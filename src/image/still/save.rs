@@ -52,8 +52,7 @@ pub fn encode(
 }
 
 /// Writes the pixels of `source`, with what `head` has beside its own ([`Photo::without_pixels`]). Rows are made as they are
-/// written, so that the picture is never in memory as a whole; as packed samples it is for PNG and WebP, whose encoders take it at
-/// once.
+/// written, so that the picture is never in memory as a whole; as packed samples it is for WebP, whose encoder takes it at once.
 pub(crate) fn encode_rows(
     head: &Photo,
     source: &dyn RowSource,
