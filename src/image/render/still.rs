@@ -121,7 +121,7 @@ impl<'a> StillRendering<'a> {
         out: impl Write + Seek,
         run: &Run,
     ) -> Result<Saved, StillError> {
-        encode_rows(head, &Written { rendering: self, run }, format, options, out)
+        encode_rows(head, &RenderedRows { rendering: self, run }, format, options, out)
     }
 
     /// So many rows, colors weighted by their opacity where there is an alpha plane.
@@ -146,12 +146,12 @@ impl<'a> StillRendering<'a> {
 }
 
 /// A rendering whose rows go into a file.
-struct Written<'a> {
+struct RenderedRows<'a> {
     rendering: &'a StillRendering<'a>,
     run: &'a Run,
 }
 
-impl RowSource for Written<'_> {
+impl RowSource for RenderedRows<'_> {
     fn format(&self) -> PixelFormat {
         self.rendering.format()
     }

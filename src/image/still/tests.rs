@@ -236,6 +236,24 @@ fn files_cut_off_anywhere_are_refused() {
 }
 
 #[test]
+fn a_png_of_noise_is_hardly_larger_than_its_samples() {
+    for bits in [8, 16] {
+        let mut random = fastrand::Rng::with_seed(7);
+        let samples: Vec<u16> = (0..300 * 200 * 3).map(|_| random.u16(..)).collect();
+        let format = PixelFormat::opaque(Layout::Gbr, bits);
+        let frame = if bits == 16 {
+            unpack(&samples, (300, 200), format, ExifOrientation::default())
+        } else {
+            let bytes: Vec<u8> = samples.iter().map(|v| *v as u8).collect();
+            unpack(&bytes, (300, 200), format, ExifOrientation::default())
+        };
+        let (bytes, _) = written(&Photo::new(frame.expect("as many as it takes")), StillFormat::Png);
+        let most = samples.len() * usize::from(bits / 8) * 101 / 100;
+        assert!(bytes.len() < most, "{} bytes for {most}", bytes.len());
+    }
+}
+
+#[test]
 fn kinds_that_are_not_read_are_named_with_what_to_do() {
     let message = |bytes: &[u8]| read(bytes).expect_err("refused").to_string();
     assert!(message(b"GIF89a\x01\0\x01\0\0\0\0").contains("GIF"));
