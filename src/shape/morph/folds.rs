@@ -1,10 +1,17 @@
 //! Folds: triangles that oppose those around them.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Point3, Vector3};
 
 /// The unit normal of the triangles around each one, those at its corners without itself, by area; zero where they have none.
 pub(super) fn normals_around(triangles: &[[u32; 3]], x: &[Point3<f64>]) -> Vec<Vector3<f64>> {
     normals_and_around(triangles, x).map(|(_, around)| around).collect()
+}
+
+/// Triangles that oppose those around them.
+pub(super) fn folds(triangles: &[[u32; 3]], x: &[Point3<f64>]) -> BTreeSet<u32> {
+    (0..).zip(conformities(triangles, x)).filter(|(_, conformity)| *conformity < 0.0).map(|(t, _)| t).collect()
 }
 
 /// Cosine between the normal of each triangle and that of the triangles around it, negative for folds; zero where either has none.

@@ -1,8 +1,8 @@
 //! Triangles that follow one end.
 //!
 //! Where the map turns a triangle over, or far against its neighbors, the mean of both poses collapses and folds, though one of them
-//! does not. Such a triangle takes the pose alone in which it conforms better with those around it. The other takes over next to its
-//! own time.
+//! does not. Such a triangle takes the pose alone in which it conforms better with those around it, and so do triangles with two
+//! corners of such ones: an edge between a pose and a mean of both folds in turn. The other end takes over next to its own time.
 
 use nalgebra::Point3;
 
@@ -40,14 +40,26 @@ pub(super) fn follows(triangles: &[[u32; 3]], ends: [&[Point3<f64>]; 2], between
     for x in between {
         folded.iter_mut().zip(conformities(triangles, x)).for_each(|(folded, c)| *folded |= c < 0.0);
     }
-    let of_triangle = |t: usize| {
+    // How much better the folded triangles at a vertex conform in the second end. Folds of both ends stay.
+    let mut votes = vec![0.0; ends[0].len()];
+    for (t, corners) in triangles.iter().enumerate() {
         let [first, second] = [0, 1].map(|end| at_end[end][t]);
-        // Folds of both ends stay.
-        match folded[t] && first.max(second) > 0.0 {
-            true if first > second => Follows::First,
-            true if second > first => Follows::Second,
-            _ => Follows::Both,
+        if folded[t] && first.max(second) > 0.0 {
+            for v in corners {
+                votes[*v as usize] += second - first;
+            }
+        }
+    }
+    let of_triangle = |corners: &[u32; 3]| {
+        let votes = corners.map(|v| votes[v as usize]);
+        let sum: f64 = votes.iter().sum();
+        if votes.iter().filter(|vote| **vote != 0.0).count() < 2 || sum == 0.0 {
+            Follows::Both
+        } else if sum > 0.0 {
+            Follows::Second
+        } else {
+            Follows::First
         }
     };
-    (0..triangles.len()).map(of_triangle).collect()
+    triangles.iter().map(of_triangle).collect()
 }

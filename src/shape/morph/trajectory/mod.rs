@@ -40,9 +40,9 @@ mod rotation_paths;
 mod tests;
 mod untangling;
 
+use untangling::Faults;
 pub use untangling::Untangled;
 
-use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
@@ -116,8 +116,8 @@ pub struct Trajectory {
     weights: Vec<f64>,
     solve: ElasticSolve,
     iterations: usize,
-    /// Pairs of triangles that intersect in both poses, computed at first use; `None` where that takes too many tests.
-    own_intersections: OnceLock<Option<BTreeSet<[u32; 2]>>>,
+    /// Faults of both poses, computed at first use; `None` where that takes too many tests.
+    own_faults: OnceLock<Option<Faults>>,
 }
 
 impl Trajectory {
@@ -152,7 +152,7 @@ impl Trajectory {
             weights,
             solve,
             iterations: options.iterations,
-            own_intersections: OnceLock::new(),
+            own_faults: OnceLock::new(),
         };
         if this.iterations > 0 && !this.rotations.is_unique() {
             this.start = this.lower_start(run)?;
