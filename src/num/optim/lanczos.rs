@@ -16,21 +16,18 @@
 //! SIAM J. Matrix Anal. Appl. 15 (1994); K. Wu, H. Simon, *Thick-restart Lanczos method for large symmetric eigenvalue
 //! problems*, SIAM J. Matrix Anal. Appl. 22 (2000).
 
-use nalgebra::{DMatrix, SymmetricEigen};
+mod space;
 
-use crate::math::{dot, norm};
+pub use space::KnownVectors;
+
+use crate::math::norm;
 use crate::run::{Run, Stopped};
-use crate::sparse::{Cholesky, SparseMatrix};
+use crate::sparse::{CompactFactor, SparseMatrix};
+use space::{Space, scale, subtract};
 
 /// Vectors per block: as many equal eigenvalues as rotations about an axis and mirrors bring, twice over. Solves with four
 /// right-hand sides cost little more than two with one.
 const BLOCK: usize = 4;
-/// Norm of a unit vector after it was made orthogonal below which the rest is rounding: a million roundings. Smaller takes rounding for new
-/// directions, larger drops directions that are new.
-const DEPENDENT: f64 = 1e-10;
-/// Passes of orthogonalization: after one, vectors that lose most of their length are orthogonal to few digits; after two, all are to
-/// working precision (Giraud, Langou, Rozložník 2005).
-const PASSES: usize = 2;
 
 /// How far to go.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,59 +72,10 @@ pub struct ShiftedPencil<'a> {
     pub mass: &'a [f64],
     /// `σ`, > 0.
     pub shift: f64,
-    /// Factor of `A + σM`.
-    pub factor: &'a mut Cholesky,
+    /// Factor of `A + σM`: there are a hundred solves.
+    pub factor: &'a mut CompactFactor,
     /// Eigenvectors that are not asked for. Supports of different groups are disjoint.
     pub known: &'a [KnownVectors],
-}
-
-/// Vectors that are zero outside of a support: the work of leaving them out is that of the support, however many groups there are.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct KnownVectors {
-    /// Unknowns, each once.
-    pub support: Vec<u32>,
-    /// Values at the support, of any length, independent of each other.
-    pub vectors: Vec<Vec<f64>>,
-}
-
-impl KnownVectors {
-    /// What `y` has at the support.
-    fn gather(&self, y: &[f64]) -> Vec<f64> {
-        self.support.iter().map(|i| y[*i as usize]).collect()
-    }
-
-    /// Makes `y` orthogonal to the vectors, which are orthonormal.
-    fn leave_out(&self, y: &mut [f64]) {
-        let mut part = self.gather(y);
-        for v in &self.vectors {
-            let c = dot(v, &part);
-            subtract(&mut part, v, c);
-        }
-        for (i, value) in self.support.iter().zip(part) {
-            y[*i as usize] = value;
-        }
-    }
-
-    /// The vectors `√m x` made orthonormal, without those that depend on others.
-    fn orthonormal(&self, roots: &[f64]) -> Self {
-        let roots = self.gather(roots);
-        let mut kept = Self { support: (0..self.support.len() as u32).collect(), vectors: Vec::new() };
-        for x in &self.vectors {
-            let mut y: Vec<f64> = x.iter().zip(&roots).map(|(x, r)| x * r).collect();
-            let before = norm(&y);
-            if !(before > 0.0 && before.is_finite()) {
-                continue;
-            }
-            scale(&mut y, 1.0 / before);
-            (0..PASSES).for_each(|_| kept.leave_out(&mut y));
-            let left = norm(&y);
-            scale(&mut y, 1.0 / left);
-            if left > DEPENDENT {
-                kept.vectors.push(y);
-            }
-        }
-        Self { support: self.support.clone(), vectors: kept.vectors }
-    }
 }
 
 impl ShiftedPencil<'_> {
@@ -178,7 +126,7 @@ impl ShiftedPencil<'_> {
     /// `C y` for each vector.
     fn apply(&mut self, roots: &[f64], vectors: &mut [Vec<f64>]) {
         let mut columns: Vec<f64> = vectors.iter().flat_map(|y| y.iter().zip(roots).map(|(y, r)| y * r)).collect();
-        self.factor.solve_in_place(&mut columns);
+        self.factor.solve_columns(&mut columns);
         for (y, column) in vectors.iter_mut().zip(columns.chunks_exact(roots.len())) {
             for ((y, c), r) in y.iter_mut().zip(column).zip(roots) {
                 *y = c * r;
@@ -200,8 +148,7 @@ impl ShiftedPencil<'_> {
             return found;
         }
         let ritz = space.ritz(&[]);
-        for k in 0..count {
-            let y = space.combined(&ritz, k);
+        for y in space.combined(&ritz, count) {
             let x: Vec<f64> = y.iter().zip(roots).map(|(y, r)| y / r).collect();
             let mut image = vec![0.0; x.len()];
             self.matrix.multiply(&x, &mut image);
@@ -228,178 +175,22 @@ impl ShiftedPencil<'_> {
     }
 }
 
-/// Orthonormal vectors and the projection of `C` onto their span.
-struct Space {
-    known: Vec<KnownVectors>,
-    basis: Vec<Vec<f64>>,
-    /// `⟨v_i, C v_j⟩` for `j` whose image is known.
-    projection: DMatrix<f64>,
-    /// Coefficients of the images of the last block along the next one, and where the last block starts.
-    tail: DMatrix<f64>,
-    last: usize,
-    solves: usize,
-    random: fastrand::Rng,
-    n: usize,
-}
-
-/// Eigenvalues of the projection, greatest first.
-struct Ritz {
-    values: Vec<f64>,
-    vectors: DMatrix<f64>,
-    /// What each lacks of being an eigenvalue of `C`, over itself.
-    errors: Vec<f64>,
-}
-
-impl Space {
-    fn new(n: usize, roots: &[f64], known: &[KnownVectors], seed: u64) -> Self {
-        Self {
-            known: known.iter().map(|group| group.orthonormal(roots)).collect(),
-            basis: Vec::new(),
-            projection: DMatrix::zeros(0, 0),
-            tail: DMatrix::zeros(0, 0),
-            last: 0,
-            solves: 0,
-            random: fastrand::Rng::with_seed(seed),
-            n,
-        }
-    }
-
-    /// Number of known vectors.
-    fn known(&self) -> usize {
-        self.known.iter().map(|group| group.vectors.len()).sum()
-    }
-
-    /// Makes a vector a unit orthogonal to all; `false` where nothing is left of it.
-    fn orthonormalize(&self, y: &mut [f64], more: &[Vec<f64>]) -> bool {
-        let before = norm(y);
-        if !(before > 0.0 && before.is_finite()) {
-            return false;
-        }
-        scale(y, 1.0 / before);
-        for _ in 0..PASSES {
-            self.known.iter().for_each(|group| group.leave_out(y));
-            for v in self.basis.iter().chain(more) {
-                subtract(y, v, dot(v, y));
-            }
-        }
-        let left = norm(y);
-        scale(y, 1.0 / left);
-        left > DEPENDENT
-    }
-
-    fn random_block(&mut self, width: usize) -> Vec<Vec<f64>> {
-        let mut block: Vec<Vec<f64>> = Vec::new();
-        for _ in 0..2 * width {
-            let mut y: Vec<f64> = (0..self.n).map(|_| self.random.f64() - 0.5).collect();
-            if block.len() < width && self.orthonormalize(&mut y, &block) {
-                block.push(y);
-            }
-        }
-        block
-    }
-
-    /// Moves a block into the basis.
-    fn take(&mut self, block: &mut Vec<Vec<f64>>) {
-        self.last = self.basis.len();
-        self.solves += block.len();
-        self.basis.append(block);
-    }
-
-    /// Takes the images of the last block into the projection; returns what of them is new, orthonormal.
-    fn project(&mut self, mut images: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-        let (size, width) = (self.basis.len(), images.len());
-        self.projection.resize_mut(size, size, 0.0);
-        for (k, w) in images.iter_mut().enumerate() {
-            let column = size - width + k;
-            for pass in 0..PASSES {
-                self.known.iter().for_each(|group| group.leave_out(w));
-                for (i, v) in self.basis.iter().enumerate() {
-                    let c = dot(v, w);
-                    subtract(w, v, c);
-                    let sum = if pass == 0 { c } else { self.projection[(i, column)] + c };
-                    self.projection[(i, column)] = sum;
-                    self.projection[(column, i)] = sum;
-                }
-            }
-        }
-        let residue = images.clone();
-        let largest = self.projection.diagonal().amax();
-        let mut next: Vec<Vec<f64>> = Vec::new();
-        for w in &mut images {
-            // What C makes small is not new, however little it is made a unit of.
-            if norm(w) > DEPENDENT * largest && self.orthonormalize(w, &next) {
-                next.push(std::mem::take(w));
-            }
-        }
-        self.tail = DMatrix::from_fn(next.len(), width, |i, k| dot(&next[i], &residue[k]));
-        next
-    }
-
-    fn ritz(&self, next: &[Vec<f64>]) -> Ritz {
-        let size = self.projection.nrows();
-        let eigen = SymmetricEigen::new(self.projection.clone());
-        let mut order: Vec<usize> = (0..size).collect();
-        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        let vectors = DMatrix::from_fn(size, size, |i, k| eigen.eigenvectors[(i, order[k])]);
-        let values: Vec<f64> = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
-        let ends = vectors.rows(self.last, size - self.last);
-        let left = if next.is_empty() { DMatrix::zeros(1, size) } else { &self.tail * ends };
-        let errors = values.iter().enumerate().map(|(k, v)| left.column(k).norm() / v.abs()).collect();
-        Ritz { values, vectors, errors }
-    }
-
-    /// Begins again with the `kept` greatest Ritz vectors; the next block goes on from there.
-    fn restart(&mut self, ritz: &Ritz, kept: usize) {
-        self.basis = (0..kept).map(|k| self.combined(ritz, k)).collect();
-        self.projection = DMatrix::from_fn(kept, kept, |i, j| if i == j { ritz.values[i] } else { 0.0 });
-        self.last = kept;
-    }
-
-    /// After an invariant space is found: new directions; `false` where there are none.
-    fn widen(&mut self, block: &mut Vec<Vec<f64>>) -> bool {
-        *block = self.random_block(BLOCK.min(self.n - self.known() - self.basis.len()));
-        !block.is_empty()
-    }
-
-    fn combined(&self, ritz: &Ritz, k: usize) -> Vec<f64> {
-        let mut y = vec![0.0; self.n];
-        for (v, c) in self.basis.iter().zip(ritz.vectors.column(k).iter()) {
-            subtract(&mut y, v, -c);
-        }
-        let length = norm(&y);
-        scale(&mut y, 1.0 / length);
-        y
-    }
-}
-
-fn scale(a: &mut [f64], s: f64) {
-    for a in a {
-        *a *= s;
-    }
-}
-
-/// `y ← y − c v`.
-fn subtract(y: &mut [f64], v: &[f64], c: f64) {
-    for (y, v) in y.iter_mut().zip(v) {
-        *y -= c * v;
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::{DMatrix, SymmetricEigen};
+
     use super::*;
     use crate::sparse::Ordering;
 
     /// The Laplacian of a ring of `n` plus a diagonal, with its factor after a shift.
-    fn pencil(n: usize, diagonal: impl Fn(usize) -> f64, mass: &[f64], shift: f64) -> (SparseMatrix, Cholesky) {
+    fn pencil(n: usize, diagonal: impl Fn(usize) -> f64, mass: &[f64], shift: f64) -> (SparseMatrix, CompactFactor) {
         let entries: Vec<_> = (0..n).flat_map(|i| [(i, i, 2.0 + diagonal(i)), ((i + 1) % n, i, -1.0)]).collect();
         let a = SparseMatrix::from_triplets(n, &entries).expect("entries inside");
         let mut shifted = a.clone();
         for (i, m) in mass.iter().enumerate() {
             shifted.values_mut()[a.pattern().column(i).start] += shift * m;
         }
-        let mut factor = Cholesky::analyze(a.pattern(), &Ordering::Amd).expect("a small system");
-        factor.factor(&shifted, &Run::default()).expect("a positive definite matrix");
+        let factor = CompactFactor::of(&shifted, &Ordering::Amd, &Run::default()).expect("a positive definite matrix");
         (a, factor)
     }
 

@@ -24,7 +24,7 @@ use crate::mesh::operators::{CotangentRule, Cotangents, barycentric_areas};
 use plumbline_num::optim::lanczos::{LanczosOptions, ShiftedPencil};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Cholesky, Ordering};
+use plumbline_num::sparse::{CompactFactor, Ordering};
 
 pub use parts::{PartCount, Parts, PartsOptions, parts};
 
@@ -96,9 +96,7 @@ pub fn modes(mesh: &TriMesh, count: usize, options: &ModesOptions, run: &Run) ->
     }
     let coordinates = used.positions().iter().flat_map(|p| [p.coords.into(); 3]).collect();
     run.check()?;
-    let mut factor = Cholesky::analyze(h.pattern(), &Ordering::NestedDissection(coordinates))?;
-    factor
-        .factor(&shifted, run)
+    let mut factor = CompactFactor::of(&shifted, &Ordering::NestedDissection(coordinates), run)
         .map_err(|error| SurfaceError::of_factor(error, 3, |vertex| vertices[vertex] as usize))?;
     let known = hessian::rigid_motions(&used);
     let mut pencil = ShiftedPencil { matrix: &h, mass: &mass, shift, factor: &mut factor, known: &known };
