@@ -21,6 +21,7 @@
 //! SIAM J. Matrix Anal. Appl. 11 (1990).
 
 mod banded;
+mod block_matrix;
 mod blocks;
 mod cholesky;
 mod compact;
@@ -49,6 +50,7 @@ mod updated;
 mod wide_registers;
 
 pub use banded::BandedMatrix;
+pub use block_matrix::{BlockGaussSeidel, BlockMatrix};
 pub use cholesky::Cholesky;
 pub use compact::CompactFactor;
 pub use condition::{Refinement, backward_error, inverse_norm_1};
@@ -58,7 +60,8 @@ pub use error::{Component, SparseError};
 pub use general::{GeneralMatrix, SparseBuilder};
 pub(crate) use inner_products::subtract_inner_products;
 pub use iterative::{
-    GaussSeidel, IncompleteCholesky, IterativeReport, Jacobi, Plain, Preconditioner, Stop, conjugate_gradients,
+    GaussSeidel, IncompleteCholesky, IterativeReport, Jacobi, Plain, Preconditioner, Stop, SymmetricOperator,
+    conjugate_gradients,
 };
 pub use matrix::SparseMatrix;
 pub use matrix_market::{read_matrix_market, write_matrix_market};

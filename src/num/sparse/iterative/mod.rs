@@ -13,9 +13,35 @@ mod incomplete_cholesky;
 pub use gauss_seidel::GaussSeidel;
 pub use incomplete_cholesky::IncompleteCholesky;
 
-use super::{Cholesky, CompactFactor, SparseError, SparseMatrix};
+use super::{Cholesky, CompactFactor, Component, SparseError, SparseMatrix};
 use crate::math::{dot, norm};
 use crate::run::Run;
+
+/// A symmetric matrix `A`, by what it does to a vector.
+pub trait SymmetricOperator {
+    /// Number of unknowns.
+    fn n(&self) -> usize;
+
+    /// `y = A x`; `x` and `y` have `n` entries.
+    fn multiply(&self, x: &[f64], y: &mut [f64]);
+
+    /// All unknowns that non-zero entries join to `unknown`.
+    fn component_of(&self, unknown: usize) -> Component;
+}
+
+impl SymmetricOperator for SparseMatrix {
+    fn n(&self) -> usize {
+        self.n()
+    }
+
+    fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        self.multiply(x, y);
+    }
+
+    fn component_of(&self, unknown: usize) -> Component {
+        self.component_of(unknown)
+    }
+}
 
 /// Something that approximates `A⁻¹`, symmetric and positive definite.
 pub trait Preconditioner {
@@ -107,7 +133,7 @@ pub struct IterativeReport {
 /// [`SparseError::NotPositiveDefinite`] where a direction has no or negative curvature; `x` is then the last
 /// approximation, as it is with [`SparseError::Interrupted`].
 pub fn conjugate_gradients(
-    a: &SparseMatrix,
+    a: &(impl SymmetricOperator + ?Sized),
     b: &[f64],
     x: &mut [f64],
     preconditioner: &mut (impl Preconditioner + ?Sized),
@@ -117,7 +143,7 @@ pub fn conjugate_gradients(
     let n = a.n();
     assert!(b.len() == n && x.len() == n, "vectors of a system of {n} unknowns");
     let (mut r, mut z, mut q) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-    a.residual(x, b, &mut r);
+    residual(a, x, b, &mut r);
     let target = stop.tolerance * norm(b);
     preconditioner.apply(&r, &mut z);
     let mut p = z.clone();
@@ -142,8 +168,14 @@ pub fn conjugate_gradients(
         iterations += 1;
     }
     let converged = norm(&r) <= target;
-    a.residual(x, b, &mut r);
+    residual(a, x, b, &mut r);
     Ok(IterativeReport { iterations, residual: relative(&r, b), converged })
+}
+
+/// `r = b − A x`.
+fn residual(a: &(impl SymmetricOperator + ?Sized), x: &[f64], b: &[f64], r: &mut [f64]) {
+    a.multiply(x, r);
+    r.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
 }
 
 /// `‖r‖ / ‖b‖`, and `‖r‖` itself where `b` is zero.

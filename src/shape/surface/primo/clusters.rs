@@ -19,23 +19,13 @@ pub(super) struct Clusters {
     pub(super) of_body: Vec<u32>,
     /// Number of clusters.
     pub(super) count: usize,
-    leaving: Lists<u32>,
     members: Lists<u32>,
 }
 
 impl Clusters {
-    fn new(shell: &Shell, of_body: Vec<u32>, count: usize) -> Self {
-        let leaving = (0..).zip(&shell.joints).flat_map(|(k, joint)| {
-            let [a, b] = joint.bodies.map(|i| of_body[i as usize]);
-            [a, b].into_iter().filter(move |&c| a != b && c != FIXED).map(move |c| (c, k))
-        });
+    fn new(of_body: Vec<u32>, count: usize) -> Self {
         let members = of_body.iter().copied().zip(0..).filter(|&(c, _)| c != FIXED);
-        Self { leaving: Lists::new(count, leaving), members: Lists::new(count, members), of_body, count }
-    }
-
-    /// Joints between a cluster and other bodies, ascending.
-    pub(super) fn leaving(&self, cluster: usize) -> &[u32] {
-        self.leaving.of(cluster)
+        Self { members: Lists::new(count, members), of_body, count }
     }
 
     /// Bodies of a cluster, ascending.
@@ -59,7 +49,7 @@ pub(super) fn levels(shell: &Shell, rigid: Option<&[Option<u32>]>, coarsest: usi
         sizes[of_body[body] as usize] += 1.0;
     }
     let mut count = sizes.len();
-    let mut levels = vec![Clusters::new(shell, of_body.clone(), count)];
+    let mut levels = vec![Clusters::new(of_body.clone(), count)];
     while count > coarsest {
         let wanted = (count / 4).max(coarsest);
         let before = count;
@@ -79,7 +69,7 @@ pub(super) fn levels(shell: &Shell, rigid: Option<&[Option<u32>]>, coarsest: usi
         if count == before {
             break;
         }
-        levels.push(Clusters::new(shell, of_body.clone(), count));
+        levels.push(Clusters::new(of_body.clone(), count));
     }
     levels
 }

@@ -6,87 +6,68 @@
 //! digit become two steps for all digits. Velocities become rigid motions by a rotation about the axis `ω` by `arctan ‖tω‖`,
 //! equal to first order; the step `t` is halved until the energy has decreased sufficiently ([`plumbline_num::optim::newton`]).
 //!
+//! A system over a few thousand clusters is factored. A larger one is solved by conjugate gradients ([`super::multigrid`]), only
+//! as far as the step is worth it (an inexact Newton method), and factored after all where they converge slowly, as in a shell
+//! without thickness.
+//!
 //! Departure from the paper, which moves along a helix: rotation about the center and translation agree with it to first order.
-
-use std::sync::Arc;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::clusters::{Clusters, FIXED};
+use super::multigrid::{Cycle, Transfer};
 use super::shell::{BodyPose, Joint, Shell};
 use crate::mesh::operators::max_multiplications;
 use plumbline_num::optim::newton::{DescentEnd, DescentOptions, DescentProblem, descend};
 use plumbline_num::run::Run;
-use plumbline_num::sparse::{Cholesky, Ordering, Pattern, SparseError, SparseMatrix};
+use plumbline_num::sparse::{BlockMatrix, Cholesky, Ordering, SparseError, SparseMatrix, Stop, conjugate_gradients};
 
 /// Damping added to the diagonal, relative to its largest entry, for rotations that no joint resists (a hinge without thickness,
 /// a body on one spring). More slows convergence near the minimum.
 const DAMPING: f64 = 1e-10;
+/// How far conjugate gradients go. A residual of a tenth leaves about a hundredth of the energy that a step can gain; with a
+/// hundredth of the residual a bent tube of 40 000 prisms takes half as long again, with a fifth it takes as long in more steps.
+/// Sixty iterations cost about as much as a factorization (R. Dembo, S. Eisenstat, T. Steihaug, *Inexact Newton methods*, SIAM J.
+/// Numer. Anal. 19, 1982).
+const INEXACT: Stop = Stop { max_iterations: 60, tolerance: 0.1 };
 
-/// Newton steps over the velocities of the clusters: symbolic factorization once, numeric factorization per step.
+/// The linear system in the velocities of the clusters of a level.
 #[derive(Debug)]
 pub(super) struct Global {
-    matrix: SparseMatrix,
-    factor: Cholesky,
+    pub(super) matrix: BlockMatrix<6>,
     gradient: Vec<f64>,
-    /// For each joint between two clusters, the slots of the first row of each of the six columns of its block.
-    blocks: Vec<[u32; 6]>,
-    /// For each joint, its index in `blocks` (`u32::MAX`: none).
-    block_of: Vec<u32>,
+    /// Symbolic factorization once, numeric factorization per step; `None` where the system is too large.
+    direct: Option<(SparseMatrix, Cholesky)>,
 }
 
 impl Global {
-    pub(super) fn new(shell: &Shell, clusters: &Clusters) -> Result<Self, SparseError> {
+    /// Zero; `factored`: a system that is solved by factoring it.
+    pub(super) fn new(shell: &Shell, clusters: &Clusters, factored: bool) -> Result<Self, SparseError> {
         let ends = |joint: &Joint| joint.bodies.map(|b| clusters.of_body[b as usize]);
-        let joined = |&[a, b]: &[u32; 2]| a != b && a != FIXED && b != FIXED;
-        let mut pairs: Vec<[u32; 2]> = shell.joints.iter().map(ends).filter(joined).collect();
-        for pair in &mut pairs {
-            pair.sort_unstable();
-        }
-        pairs.sort_unstable();
-        pairs.dedup();
-        pairs.extend((0..clusters.count as u32).map(|c| [c, c]));
-        let entries = pairs.iter().flat_map(|&[a, b]| {
-            (0..36).map(move |k| (6 * b as usize + k % 6, 6 * a as usize + k / 6)).filter(|(row, col)| row >= col)
-        });
-        let pattern = Arc::new(Pattern::new(6 * clusters.count, entries)?);
-        let (mut blocks, mut block_of) = (Vec::new(), vec![u32::MAX; shell.joints.len()]);
-        for (joint, block) in shell.joints.iter().zip(&mut block_of) {
-            let mut pair = ends(joint);
-            if joined(&pair) {
-                pair.sort_unstable();
-                *block = blocks.len() as u32;
-                let slot = |col: usize| pattern.slot(6 * pair[1] as usize, 6 * pair[0] as usize + col);
-                blocks.push(std::array::from_fn(|col| {
-                    slot(col).expect("the pattern has every pair of connected clusters") as u32
-                }));
-            }
-        }
-        let ordering = Ordering::NestedDissection(rest_positions(shell, clusters));
-        let factor = Cholesky::analyze_within(&pattern, &ordering, max_multiplications(pattern.n()))?;
-        Ok(Self { gradient: vec![0.0; pattern.n()], matrix: SparseMatrix::zeros(pattern), factor, blocks, block_of })
+        let pairs = shell.joints.iter().map(ends).filter(|&[a, b]| a != FIXED && b != FIXED).map(|[a, b]| (a, b));
+        let matrix = BlockMatrix::new(clusters.count, pairs);
+        let direct = if factored { Some(Self::analyze(&matrix, rest_positions(shell, clusters))?) } else { None };
+        Ok(Self { gradient: vec![0.0; 6 * clusters.count], matrix, direct })
     }
 
-    /// One step; returns the energy after it, or `before` if no step decreases it. `newton` selects Newton's matrix.
-    pub(super) fn step(
-        &mut self,
-        shell: &Shell,
-        clusters: &Clusters,
-        poses: &mut Vec<BodyPose>,
-        before: f64,
-        newton: bool,
-        run: &Run,
-    ) -> Result<f64, SparseError> {
-        let centers = centers(clusters, poses);
-        let (trial, velocity, failed) = (Vec::new(), Vec::new(), None);
-        let mut at =
-            Linearized { global: self, shell, clusters, poses, centers, before, newton, run, trial, velocity, failed };
-        let one = DescentOptions { max_iterations: 1, tolerance: 0.0, floor: 0.0 };
-        let report = descend(&mut at, &one, run)?;
-        match at.failed.filter(|_| report.end == DescentEnd::NoDirection) {
-            Some(error) => Err(error),
-            None => Ok(report.energies.last().copied().unwrap_or(before)),
-        }
+    fn analyze(matrix: &BlockMatrix<6>, positions: Vec<[f64; 3]>) -> Result<(SparseMatrix, Cholesky), SparseError> {
+        let pattern = matrix.pattern()?;
+        let most = max_multiplications(pattern.n());
+        let factor = Cholesky::analyze_within(&pattern, &Ordering::NestedDissection(positions), most)?;
+        Ok((SparseMatrix::zeros(pattern), factor))
+    }
+
+    #[cfg(test)]
+    pub(super) fn is_factored(&self) -> bool {
+        self.direct.is_some()
+    }
+
+    /// The numeric factorization.
+    fn factor(&mut self, run: &Run) -> Result<&mut Cholesky, SparseError> {
+        let (entries, factor) = self.direct.as_mut().expect("a system that is factored");
+        self.matrix.fill(entries);
+        factor.factor(entries, run)?;
+        Ok(factor)
     }
 
     /// Gradient of half the energy by the velocities of the clusters, at rest: `(ω, v)` of each.
@@ -105,80 +86,90 @@ impl Global {
         newton: bool,
     ) {
         self.gradient.fill(0.0);
-        self.matrix.values_mut().fill(0.0);
-        for (k, joint) in shell.joints.iter().enumerate() {
+        self.matrix.clear();
+        for joint in &shell.joints {
             let ends = joint.bodies.map(|b| clusters.of_body[b as usize]);
             if ends[0] != ends[1] {
                 let derivatives = JointDerivatives::new(shell, poses, joint, ends, centers);
-                self.add(joint, ends, &derivatives, k, newton);
+                self.add(joint, ends, &derivatives, newton);
             }
         }
         self.damp();
     }
 
-    fn add(&mut self, joint: &Joint, ends: [u32; 2], derivatives: &JointDerivatives, k: usize, newton: bool) {
-        for (side, &end) in ends.iter().enumerate() {
-            if end != FIXED {
-                let first = 6 * end as usize;
-                let (angular, linear) = derivatives.gradient(joint, side);
-                for i in 0..3 {
-                    self.gradient[first + i] += angular[i];
-                    self.gradient[first + 3 + i] += linear[i];
-                }
-                let mut block = derivatives.block(joint, side, side);
-                if newton {
-                    let mut angular = block.fixed_view_mut::<3, 3>(0, 0);
-                    angular += derivatives.curvature(joint, side);
-                }
-                self.add_diagonal(first, &block);
+    fn add(&mut self, joint: &Joint, ends: [u32; 2], derivatives: &JointDerivatives, newton: bool) {
+        for (side, &end) in ends.iter().enumerate().filter(|(_, end)| **end != FIXED) {
+            let first = 6 * end as usize;
+            let (angular, linear) = derivatives.gradient(joint, side);
+            for i in 0..3 {
+                self.gradient[first + i] += angular[i];
+                self.gradient[first + 3 + i] += linear[i];
             }
+            let mut block = derivatives.block(joint, side, side);
+            if newton {
+                let mut angular = block.fixed_view_mut::<3, 3>(0, 0);
+                angular += derivatives.curvature(joint, side);
+            }
+            self.matrix.add_diagonal(end as usize, &block);
         }
-        if let Some(slots) = self.blocks.get(self.block_of[k] as usize) {
-            let (row, col) = if ends[0] > ends[1] { (0, 1) } else { (1, 0) };
-            let block = derivatives.block(joint, row, col);
-            let values = self.matrix.values_mut();
-            for (c, &slot) in slots.iter().enumerate() {
-                for r in 0..6 {
-                    values[slot as usize + r] += block[(r, c)];
-                }
-            }
+        if ends.iter().all(|&end| end != FIXED) {
+            self.matrix.add(ends[0] as usize, ends[1] as usize, &derivatives.block(joint, 0, 1));
         }
     }
 
-    /// Adds to the diagonal block of a cluster: rows from the diagonal down are contiguous.
-    fn add_diagonal(&mut self, first: usize, block: &nalgebra::Matrix6<f64>) {
-        for c in 0..6 {
-            let start = self.matrix.pattern().column_starts()[first + c] as usize;
-            for r in c..6 {
-                self.matrix.values_mut()[start + r - c] += block[(r, c)];
-            }
-        }
-    }
-
+    /// Rotations and translations have different units: each is damped relative to its own diagonal entries.
     fn damp(&mut self) {
-        let starts: Vec<usize> = self.matrix.pattern().column_starts().iter().map(|&s| s as usize).collect();
-        let values = self.matrix.values_mut();
-        // Rotations and translations have different units: each is damped relative to its own diagonal entries.
-        let diagonal = |kind: usize| starts[..starts.len() - 1].iter().skip(3 * kind).step_by(6).copied();
-        for kind in 0..2 {
-            let largest = diagonal(kind).map(|s| values[s]).fold(0.0, f64::max);
-            let damping = if largest > 0.0 { DAMPING * largest } else { 1.0 };
-            for k in 0..3 {
-                for s in starts[..starts.len() - 1].iter().skip(3 * kind + k).step_by(6) {
-                    values[*s] += damping;
-                }
-            }
+        let n = self.matrix.things();
+        let damping = [0, 3].map(|first| {
+            let entries = (0..n).flat_map(|c| (first..first + 3).map(move |k| (c, k)));
+            let largest = entries.map(|(c, k)| self.matrix.diagonal(c)[(k, k)]).fold(0.0, f64::max);
+            if largest > 0.0 { DAMPING * largest } else { 1.0 }
+        });
+        let damping = nalgebra::Matrix6::from_diagonal(&nalgebra::Vector6::from_fn(|k, _| damping[k / 3]));
+        for c in 0..n {
+            self.matrix.add_diagonal(c, &damping);
+        }
+    }
+}
+
+/// A minimization on one level of clusters.
+pub(super) struct Level<'a> {
+    pub(super) shell: &'a Shell,
+    /// Its clusters, and those of the coarser levels.
+    pub(super) clusters: &'a [Clusters],
+    /// Their systems; the last one at least is factored.
+    pub(super) systems: &'a mut [Global],
+    /// Maximum number of clusters of a system that is factored where conjugate gradients converge slowly.
+    pub(super) largest: usize,
+}
+
+impl Level<'_> {
+    /// One step; returns the energy after it, or `before` if no step decreases it. `newton` selects Newton's matrix.
+    pub(super) fn step(
+        &mut self,
+        poses: &mut Vec<BodyPose>,
+        before: f64,
+        newton: bool,
+        run: &Run,
+    ) -> Result<f64, SparseError> {
+        let centers = self.clusters.iter().map(|clusters| centers(clusters, poses)).collect();
+        let (velocity, trial, failed) = (Vec::new(), Vec::new(), None);
+        let mut at = Linearized { level: self, poses, centers, before, newton, run, velocity, trial, failed };
+        let one = DescentOptions { max_iterations: 1, tolerance: 0.0, floor: 0.0 };
+        let report = descend(&mut at, &one, run)?;
+        match at.failed.filter(|_| report.end == DescentEnd::NoDirection) {
+            Some(error) => Err(error),
+            None => Ok(report.energies.last().copied().unwrap_or(before)),
         }
     }
 }
 
 /// The energy about the present poses, for one step of Newton's method.
-struct Linearized<'a> {
-    global: &'a mut Global,
-    shell: &'a Shell,
-    clusters: &'a Clusters,
+struct Linearized<'a, 'b> {
+    level: &'a mut Level<'b>,
     poses: &'a mut Vec<BodyPose>,
-    centers: Vec<Vector3<f64>>,
+    /// Centers of the clusters of each level.
+    centers: Vec<Vec<Vector3<f64>>>,
     /// Energy of the poses.
     before: f64,
     newton: bool,
@@ -186,11 +177,46 @@ struct Linearized<'a> {
     velocity: Vec<f64>,
     /// The poses of the last step length tried.
     trial: Vec<BodyPose>,
-    /// Why Gauss–Newton's matrix could not be factored.
+    /// Why Gauss–Newton's system could not be solved.
     failed: Option<SparseError>,
 }
 
-impl DescentProblem for Linearized<'_> {
+impl Linearized<'_, '_> {
+    /// Solves for the velocities.
+    fn solve(&mut self, newton: bool) -> Result<(), SparseError> {
+        let Level { shell, clusters, largest, .. } = *self.level;
+        let (systems, centers, run) = (&mut *self.level.systems, &self.centers, self.run);
+        systems[0].linearize(shell, &clusters[0], self.poses, &centers[0], newton);
+        self.velocity = systems[0].gradient.iter().map(|g| -g).collect();
+        let factored = systems.iter().position(|system| system.direct.is_some());
+        let factored = factored.expect("the coarsest system is factored");
+        if factored > 0 {
+            let at = |k: usize| (&clusters[k], &centers[k][..]);
+            let transfers: Vec<Transfer> = (0..factored).map(|k| Transfer::new(at(k), at(k + 1))).collect();
+            for (k, transfer) in transfers.iter().enumerate() {
+                let (fine, coarse) = systems.split_at_mut(k + 1);
+                transfer.coarsen(&fine[k].matrix, &mut coarse[0].matrix);
+            }
+            let (finer, rest) = systems.split_at_mut(factored);
+            let matrices = finer.iter().map(|system| &system.matrix);
+            let mut cycle = Cycle::new(matrices.zip(transfers), rest[0].factor(run)?)?;
+            let force = std::mem::replace(&mut self.velocity, vec![0.0; 6 * clusters[0].count]);
+            let report = conjugate_gradients(&finer[0].matrix, &force, &mut self.velocity, &mut cycle, &INEXACT, run)?;
+            if report.converged || clusters[0].count > largest {
+                return Ok(());
+            }
+            let positions = centers[0].iter().flat_map(|&center| [center.into(); 6]).collect();
+            let system = &mut systems[0];
+            let Ok(direct) = Global::analyze(&system.matrix, positions) else { return Ok(()) };
+            system.direct = Some(direct);
+            self.velocity = force;
+        }
+        systems[0].factor(run)?.solve_in_place(&mut self.velocity);
+        Ok(())
+    }
+}
+
+impl DescentProblem for Linearized<'_, '_> {
     fn energy(&mut self) -> f64 {
         self.before
     }
@@ -201,20 +227,18 @@ impl DescentProblem for Linearized<'_> {
             return None;
         }
         let newton = self.newton && shift == 0.0;
-        self.global.linearize(self.shell, self.clusters, self.poses, &self.centers, newton);
-        if let Err(error) = self.global.factor.factor(&self.global.matrix, self.run) {
+        if let Err(error) = self.solve(newton) {
             self.failed = (!newton).then_some(error);
             return None;
         }
-        self.velocity = self.global.gradient.iter().map(|g| -g).collect();
-        self.global.factor.solve_in_place(&mut self.velocity);
         // The linearized function is half the energy.
-        Some(2.0 * self.global.gradient.iter().zip(&self.velocity).map(|(g, v)| g * v).sum::<f64>())
+        let gradient = &self.level.systems[0].gradient;
+        Some(2.0 * gradient.iter().zip(&self.velocity).map(|(g, v)| g * v).sum::<f64>())
     }
 
     fn energy_along(&mut self, alpha: f64) -> f64 {
-        self.trial = moved(self.clusters, self.poses, &self.centers, &self.velocity, alpha);
-        self.shell.energy(&self.trial)
+        self.trial = moved(&self.level.clusters[0], self.poses, &self.centers[0], &self.velocity, alpha);
+        self.level.shell.energy(&self.trial)
     }
 
     fn step(&mut self, _alpha: f64) {

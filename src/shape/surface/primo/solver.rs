@@ -5,10 +5,9 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use super::super::lanes::Lanes;
 use super::super::{Constraint, HandlePose, Handles};
 use super::clusters::{self, Clusters};
-use super::global::Global;
+use super::global::{Global, Level};
 use super::prisms::{mean_edge, prisms};
 use super::shell::{BodyPose, Joint, Shell};
-use super::sweep::sweep;
 use super::{HARD_SPRING_WEIGHT, PrimoOptions, ShellMaterial};
 use crate::mesh::TriMesh;
 use crate::mesh::operators::{CotangentRule, Cotangents};
@@ -25,8 +24,8 @@ const COARSE_TOLERANCE: f64 = 1e-2;
 const MAX_COARSE_STEPS: usize = 12;
 /// Relative energy decrease per step below which Newton's matrix is tried: farther from the minimum it is mostly indefinite.
 const NEWTON_THRESHOLD: f64 = 0.2;
-/// Sweeps of local shape matching after each step on a level; they smooth the error within its clusters.
-const SWEEPS: usize = 3;
+/// So many times [`super::PrimoOptions::largest_system`] a system may be that is factored because conjugate gradients converge slowly.
+const FACTORED_AFTER_ALL: usize = 10;
 
 /// A fixed body, posed by its handles.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +52,8 @@ pub(super) struct Solver {
     fixed_bodies: Vec<FixedBody>,
     pub(super) shell: Shell,
     pub(super) levels: Vec<Clusters>,
-    globals: Vec<Option<Global>>,
+    /// The linear system of each level, from the first minimization on.
+    pub(super) systems: Vec<Global>,
     largest_system: usize,
     /// Triangles without area.
     pub(super) degenerate: usize,
@@ -77,7 +77,6 @@ impl Solver {
         let free = &shell.free;
         shell.joints.retain(|joint| joint.weight > 0.0 && joint.bodies.iter().any(|&b| free[b as usize]));
         let levels = clusters::levels(&shell, material.rigid, MIN_CLUSTERS);
-        let globals = levels.iter().map(|_| None).collect();
         Self {
             rest,
             origin,
@@ -85,7 +84,7 @@ impl Solver {
             fixed_bodies,
             shell,
             levels,
-            globals,
+            systems: Vec::new(),
             largest_system: options.largest_system,
             degenerate,
         }
@@ -165,24 +164,17 @@ impl Solver {
             state.converged = true;
             return Ok(state);
         }
-        let finest = (0..self.levels.len()).find(|&l| self.levels[l].count <= self.largest_system);
-        let finest = finest.unwrap_or(self.levels.len() - 1);
-        for level in (finest.max(1)..self.levels.len()).rev() {
+        if self.systems.is_empty() {
+            self.systems = self.linear_systems()?;
+        }
+        for level in (1..self.levels.len()).rev() {
             self.relax(level, &mut state, MAX_COARSE_STEPS, false, floor, run)?;
         }
         let mut newton = false;
         while state.energies.len() <= convergence.max_iterations && !state.converged {
             run.step(state.energies.len() as f64 / convergence.max_iterations as f64)?;
             let before = state.last();
-            self.relax(finest, &mut state, 1, newton, floor, run)?;
-            if finest > 0 {
-                for _ in 0..SWEEPS {
-                    run.check()?;
-                    sweep(&self.shell, &self.levels[0], &mut state.poses);
-                }
-                let swept = self.shell.energy(&state.poses);
-                *state.energies.last_mut().expect("a step was taken") = swept;
-            }
+            self.relax(0, &mut state, 1, newton, floor, run)?;
             let now = state.last();
             newton = before - now <= NEWTON_THRESHOLD * before;
             state.converged = now <= floor || before - now <= convergence.tolerance * before;
@@ -190,7 +182,15 @@ impl Solver {
         Ok(state)
     }
 
-    /// Global steps on one level, each followed by local shape matching.
+    fn linear_systems(&self) -> Result<Vec<Global>, SparseError> {
+        let coarsest = self.levels.len() - 1;
+        let system = |(level, clusters): (usize, &Clusters)| {
+            Global::new(&self.shell, clusters, clusters.count <= self.largest_system || level == coarsest)
+        };
+        self.levels.iter().enumerate().map(system).collect()
+    }
+
+    /// Steps on one level.
     fn relax(
         &mut self,
         level: usize,
@@ -200,23 +200,13 @@ impl Solver {
         floor: f64,
         run: &Run,
     ) -> Result<(), SparseError> {
-        let clusters = &self.levels[level];
-        if self.globals[level].is_none() {
-            run.check()?;
-            self.globals[level] = Some(Global::new(&self.shell, clusters)?);
-        }
-        let global = self.globals[level].as_mut().expect("made just now");
+        let largest = self.largest_system.saturating_mul(FACTORED_AFTER_ALL);
+        let (clusters, systems) = (&self.levels[level..], &mut self.systems[level..]);
+        let mut level = Level { shell: &self.shell, clusters, systems, largest };
         for _ in 0..steps {
             run.check()?;
             let before = state.last();
-            let mut now = global.step(&self.shell, clusters, &mut state.poses, before, newton, run)?;
-            if level > 0 {
-                for _ in 0..SWEEPS {
-                    run.check()?;
-                    sweep(&self.shell, clusters, &mut state.poses);
-                }
-                now = self.shell.energy(&state.poses);
-            }
+            let now = level.step(&mut state.poses, before, newton, run)?;
             state.energies.push(now);
             if now <= floor || before - now <= COARSE_TOLERANCE * before {
                 break;

@@ -1,16 +1,17 @@
-use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use nalgebra::{Point3, Rotation3, Vector3};
 
 use super::clusters::{self, FIXED};
 use super::global::Global;
+use super::multigrid::Transfer;
 use super::prisms::{mean_edge, prisms};
 use super::shell::{BodyPose, Shell};
 use super::solver::{Minimized, Solver};
-use super::sweep::sweep;
 use super::*;
 use crate::mesh::TriMesh;
 use crate::surface::Constraint;
 use plumbline_num::energy::Convergence;
 use plumbline_num::run::Run;
+use plumbline_num::sparse::SymmetricOperator;
 
 /// A closed bar of `n` square cells along x, `1 × 1` across.
 fn bar(n: usize) -> TriMesh {
@@ -81,7 +82,7 @@ fn the_gradient_is_that_of_central_differences_on_every_level() {
     }
     let poses = shaken(&shell, 1);
     for clusters in clusters::levels(&shell, None, 4) {
-        let mut global = Global::new(&shell, &clusters).expect("a sound case");
+        let mut global = Global::new(&shell, &clusters, false).expect("a sound case");
         let gradient = global.gradient(&shell, &clusters, &poses).to_vec();
         for (k, g) in gradient.iter().enumerate() {
             let (c, step) = (k / 6, 1e-5);
@@ -178,53 +179,82 @@ fn the_energy_never_increases_and_the_gradient_vanishes_at_the_end() {
         .expect("a sound case");
     assert!(found.converged, "{:?}", found.energies);
     assert!(found.energies.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-12)), "{:?}", found.energies);
-    let mut global = Global::new(&solver.shell, &solver.levels[0]).expect("a sound case");
+    let mut global = Global::new(&solver.shell, &solver.levels[0], false).expect("a sound case");
     let steepest =
         global.gradient(&solver.shell, &solver.levels[0], &found.poses).iter().fold(0.0, |a: f64, g| a.max(g.abs()));
     assert!(steepest < 1e-6 * found.last(), "{steepest} at {}", found.last());
 }
 
-#[test]
-fn full_and_clustered_minimization_reach_the_same_minimum() {
-    let mesh = bar(24);
-    let handles = handles_at(&mesh, |p| p.x < 0.6 || p.x > 11.4);
-    let (all, positions) = solve(&mesh, &handles, &PrimoOptions::default(), twist(12.0, 1.0));
-    let coarse = PrimoOptions { largest_system: 70, ..PrimoOptions::default() };
-    let still = vec![false; mesh.vertex_count()];
-    let mut solver = Solver::new(&mesh, &handles, &still, &coarse, &ShellMaterial::default());
-    let targets = pose(&mesh, &handles, twist(12.0, 1.0));
-    let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
-    let slow = solver
-        .minimize(start, &Convergence { max_iterations: 20_000, tolerance: 1e-12 }, &Run::default())
-        .expect("a sound case");
-    assert!((slow.last() / all.last() - 1.0).abs() < 1e-6, "{} against {}", slow.last(), all.last());
-    let slowly = solver.positions(&slow.poses, &targets);
-    let apart = slowly.iter().zip(&positions).map(|(a, b)| (a - b).norm());
-    assert!(apart.fold(0.0, f64::max) < 1e-3 * mesh.diagonal());
+/// An open tube along x, of radius 1.
+fn tube(rings: u32, sides: u32) -> TriMesh {
+    let around = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(sides);
+    let vertex = |i: u32| Point3::new(0.25 * f64::from(i / sides), around(i % sides).cos(), around(i % sides).sin());
+    let triangles = (0..(rings - 1) * sides).flat_map(|a| {
+        let b = a / sides * sides + (a + 1) % sides;
+        [[a, b, a + sides], [b, b + sides, a + sides]]
+    });
+    TriMesh::new((0..rings * sides).map(vertex).collect(), triangles.collect()).expect("a sound case")
 }
 
 #[test]
-fn local_shape_matching_decreases_the_energy_and_keeps_the_minimum() {
-    let mesh = bar(10);
-    let mut shell = prisms(&mesh, 0.5, &ShellMaterial::default());
-    shell.free[0] = false;
-    for clusters in clusters::levels(&shell, None, 8) {
-        let mut poses = shaken(&shell, 3);
-        poses[0] = shell.rest()[0];
-        let mut before = shell.energy(&poses);
-        for _ in 0..20 {
-            sweep(&shell, &clusters, &mut poses);
-            let now = shell.energy(&poses);
-            assert!(now <= before * (1.0 + 1e-12));
-            before = now;
-        }
-    }
-    let clusters = &clusters::levels(&shell, None, 1000)[0];
-    let mut poses = shell.rest();
-    sweep(&shell, clusters, &mut poses);
-    for (pose, at) in poses.iter().zip(&shell.centers) {
-        assert!((pose.at - at).norm() < 1e-14 * 10.0 && (pose.rotation - Matrix3::identity()).norm() < 1e-13);
-    }
+fn systems_that_are_not_factored_lead_to_the_same_minimum() {
+    let mesh = tube(33, 24);
+    let handles = handles_at(&mesh, |p| p.x < 0.3 || p.x > 7.7);
+    let still = vec![false; mesh.vertex_count()];
+    let targets = pose(&mesh, &handles, |p| if p.x > 4.0 { Point3::new(p.x - 0.2, p.y + 0.3, p.z) } else { *p });
+    let minimize = |thickness: f64, largest_system: usize| {
+        let options = PrimoOptions { thickness, largest_system };
+        let mut solver = Solver::new(&mesh, &handles, &still, &options, &ShellMaterial::default());
+        let start = solver.best_of(vec![solver.shell.rest(), solver.rigidly_moved(&targets)], &targets);
+        let convergence = Convergence { max_iterations: 300, tolerance: 1e-8 };
+        let found = solver.minimize(start, &convergence, &Run::default()).expect("a sound case");
+        assert!(found.converged, "{thickness}: {:?}", found.energies);
+        (found.last(), solver.positions(&found.poses, &targets), solver.systems[0].is_factored())
+    };
+    let (all, found) = (minimize(3.0, 10_000), minimize(3.0, 160));
+    assert!(all.2 && !found.2 && (found.0 / all.0 - 1.0).abs() < 1e-9, "{} against {}", found.0, all.0);
+    let apart = found.1.iter().zip(&all.1).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    assert!(apart < 1e-5 * mesh.diagonal(), "{apart}");
+    // A thin shell, which has many minima, has soft modes, too: it is factored after all.
+    assert!(minimize(0.01, 160).2);
+}
+
+#[test]
+fn what_goes_to_a_coarser_level_is_the_energy_of_its_rigid_motions() {
+    let mut shell = prisms(&bar(20), 0.5, &ShellMaterial::default());
+    shell.free[3] = false;
+    let poses = shaken(&shell, 3);
+    let levels = clusters::levels(&shell, None, 20);
+    let centers = |c: usize| -> Vec<Vector3<f64>> {
+        let mean = |members: &[u32]| {
+            members.iter().map(|&b| poses[b as usize].at).sum::<Vector3<f64>>() / members.len() as f64
+        };
+        (0..levels[c].count).map(|k| mean(levels[c].members(k))).collect()
+    };
+    let (fine, coarse) = (centers(0), centers(1));
+    let transfer = Transfer::new((&levels[0], &fine), (&levels[1], &coarse));
+    let mut global = Global::new(&shell, &levels[0], false).expect("a sound case");
+    global.gradient(&shell, &levels[0], &poses);
+    let mut coarser = Global::new(&shell, &levels[1], false).expect("a sound case").matrix;
+    transfer.coarsen(&global.matrix, &mut coarser);
+    let wave = |n: usize, phase: f64| (0..6 * n).map(|k| (k as f64 * 1.3 + phase).sin()).collect::<Vec<f64>>();
+    let (x, r) = (wave(coarse.len(), 0.0), wave(fine.len(), 1.0));
+    let mut carried = vec![0.0; r.len()];
+    transfer.prolong(&x, &mut carried);
+    // A part moves as its whole does.
+    let part = levels[1].members(2)[0] as usize;
+    let own = levels[0].of_body[part] as usize;
+    let [angular, linear] = [0, 3].map(|k| Vector3::from_column_slice(&x[12 + k..15 + k]));
+    let velocity = linear + angular.cross(&(poses[part].at - coarse[2]));
+    assert!((Vector3::from_column_slice(&carried[6 * own + 3..6 * own + 6]) - velocity).norm() < 1e-14);
+    // Restriction is the transpose, and the coarse matrix their product around the fine one.
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    assert!((dot(&transfer.restrict(&r), &x) - dot(&r, &carried)).abs() < 1e-12);
+    let (mut on_fine, mut on_coarse) = (vec![0.0; r.len()], vec![0.0; x.len()]);
+    global.matrix.multiply(&carried, &mut on_fine);
+    coarser.multiply(&x, &mut on_coarse);
+    let apart = transfer.restrict(&on_fine).iter().zip(&on_coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 1e-12 && on_coarse.iter().any(|v| v.abs() > 0.1), "{apart}");
 }
 
 #[test]
