@@ -40,7 +40,7 @@ use shell::BodyPose;
 use solver::Solver;
 
 /// Total spring weight of a hard constraint, relative to about 1 for edges: the error of a prism is a thousandth of the force of
-/// its neighbors. Stiffer springs slow down local shape matching.
+/// its neighbors. Stiffer springs cost digits of the linear systems.
 const HARD_SPRING_WEIGHT: f64 = 1e3;
 
 /// Options of PriMo.

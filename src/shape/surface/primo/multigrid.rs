@@ -15,7 +15,9 @@ use plumbline_num::sparse::{BlockGaussSeidel, BlockMatrix, Cholesky, Preconditio
 /// How the clusters of a level are parts of those of the next one.
 #[derive(Debug)]
 pub(super) struct Transfer {
+    /// For each cluster, the one of the next level that it is a part of, and its arm there: from that center to its own.
     parts: Vec<(u32, Vector3<f64>)>,
+    /// Number of clusters of the next level.
     parents: usize,
 }
 
