@@ -17,7 +17,7 @@
 //! Gauss–Newton or Newton steps in velocities (`global`), whose systems the coarser levels help to solve (`multigrid`). Clusters
 //! move the current poses, so that a finer level continues from the result of the coarser one and the energy never increases.
 //! Departure from the paper, which simplifies the mesh instead. Its local shape matching is not used: sweeps of it after
-//! each step saved no time and led into higher minima under turns of 170°.
+//! each step saved steps but no time, and led into higher minima under turns of 170°.
 //!
 //! # Reference
 //! M. Botsch, M. Pauly, M. Gross, L. Kobbelt, *PriMo: coupled prisms for intuitive surface modeling*, SGP 2006.
