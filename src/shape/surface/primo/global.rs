@@ -27,8 +27,8 @@ use plumbline_num::sparse::{BlockMatrix, Cholesky, Ordering, SparseError, Sparse
 const DAMPING: f64 = 1e-10;
 /// How far conjugate gradients go. A residual of a tenth leaves about a hundredth of the energy that a step can gain; with a
 /// hundredth of the residual a bent tube of 40 000 prisms takes half as long again, with a fifth it takes as long in more steps.
-/// Sixty iterations cost about as much as a factorization (R. Dembo, S. Eisenstat, T. Steihaug, *Inexact Newton methods*, SIAM J.
-/// Numer. Anal. 19, 1982).
+/// Sixty iterations are more than any step took at the default thickness (45, on a horse of 97 000 triangles); thin shells took up to
+/// 125 (R. Dembo, S. Eisenstat, T. Steihaug, *Inexact Newton methods*, SIAM J. Numer. Anal. 19, 1982).
 const INEXACT: Stop = Stop { max_iterations: 60, tolerance: 0.1 };
 
 /// The linear system in the velocities of the clusters of a level.
