@@ -19,7 +19,7 @@ const ROOMS: [(&str, &str); 9] = [
     ("exr", "image"),
     ("kornia_image", "image::feature"),
     ("kornia_imgproc", "image::feature"),
-    ("rustface", "image::feature"),
+    ("rten", "image::feature"),
 ];
 
 /// Module → modules that it may import, and the order of the rows. A row is called by its first module.
@@ -357,7 +357,7 @@ fn libraries_build_without_ffmpeg_clang_and_clap() {
 #[test]
 fn shapes_build_without_codecs_detectors_and_quadratic_programs() {
     let found = dependencies("plumbline-shape", &[]);
-    for name in ["clarabel", "exr", "image", "kornia-imgproc", "rustface"] {
+    for name in ["clarabel", "exr", "image", "kornia-imgproc", "rten"] {
         assert!(!found.contains(name), "plumbline-shape depends on {name}");
     }
 }

@@ -105,8 +105,6 @@ pub(super) fn estimate(
 const PER_SECOND: f64 = 6.0;
 /// Moments from one search for faces to the next: two searches per second.
 const FACES_EVERY: usize = 3;
-/// The longer side of the picture in which faces are searched, px: those that matter to a cut are a tenth of the picture high.
-const FACES_SIDE: usize = 480;
 /// The longer side of the picture that is analyzed, px. The result is kept in 48 cells across.
 const ANALYSIS_SIDE: usize = 240;
 
@@ -135,14 +133,13 @@ pub(super) struct ImportanceEstimator {
 impl ImportanceEstimator {
     pub(super) fn new(stage: usize, settings: &VideoImportanceSettings, video: &VideoInfo) -> Result<Self, RunError> {
         let mask = |path: &String| Ok::<_, RunError>((path.clone(), painted_mask(&to_path(path))?));
-        let options = FaceOptions { max_side: FACES_SIDE, ..FaceOptions::default() };
         let rate = video.frame_rate.map_or(25.0, Ratio::value);
         Ok(Self {
             stage,
             video: video.clone(),
             importance: ClipImportance::new((video.width, video.height)),
             mask: settings.mask.as_ref().map(mask).transpose()?,
-            detector: (settings.faces == ClipFaces::Auto).then(|| FaceDetector::new(options)),
+            detector: (settings.faces == ClipFaces::Auto).then(|| FaceDetector::new(FaceOptions::default())),
             faces: Vec::new(),
             stride: ((rate / PER_SECOND).round() as usize).max(1),
             seen: 0,

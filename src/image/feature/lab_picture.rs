@@ -27,17 +27,8 @@ impl LabPicture {
     /// The picture with its longer side at most `max_side` px; `None` where the frame's memory does not hold its planes
     /// or a side is zero.
     pub fn of_frame(frame: &Frame, max_side: usize) -> Option<Self> {
-        if frame.width == 0 || frame.height == 0 {
-            return None;
-        }
-        let (width, height) = analysis_size(frame.width, frame.height, max_side);
-        let plane = |i: usize| shrunk(frame, i, width, height);
-        let pixels = match frame.format.layout {
-            Layout::Gray => plane(0)?.into_iter().map(|v| lab_of_rgb([v; 3])).collect(),
-            Layout::Gbr => joined(&plane(0)?, &plane(1)?, &plane(2)?, |g, b, r| [r, g, b]),
-            _ => joined(&plane(0)?, &plane(1)?, &plane(2)?, rgb_of_yuv),
-        };
-        Some(Self { pixels, width, height })
+        let SmallRgb { pixels, width, height } = SmallRgb::of_frame(frame, max_side)?;
+        Some(Self { pixels: pixels.into_iter().map(lab_of_rgb).collect(), width, height })
     }
 
     /// A picture of `width × height` px whose R'G'B' values in [0, 1] are `rgb(x, y)`.
@@ -67,8 +58,38 @@ impl LabPicture {
     }
 }
 
+/// A picture made small, R'G'B' in [0, 1], row-major.
+pub(super) struct SmallRgb {
+    pub(super) pixels: Vec<[f32; 3]>,
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
+impl SmallRgb {
+    /// As [`LabPicture::of_frame`].
+    pub(super) fn of_frame(frame: &Frame, max_side: usize) -> Option<Self> {
+        if frame.width == 0 || frame.height == 0 {
+            return None;
+        }
+        let (width, height) = analysis_size(frame.width, frame.height, max_side);
+        let plane = |i: usize| shrunk(frame, i, width, height);
+        let pixels = match frame.format.layout {
+            Layout::Gray => plane(0)?.into_iter().map(|v| [v; 3]).collect(),
+            Layout::Gbr => joined(&plane(0)?, &plane(1)?, &plane(2)?, |g, b, r| [r, g, b]),
+            _ => joined(&plane(0)?, &plane(1)?, &plane(2)?, rgb_of_yuv),
+        };
+        Some(Self { pixels, width, height })
+    }
+
+    /// The pixel at a place; `None` outside.
+    pub(super) fn at(&self, (x, y): (isize, isize)) -> Option<[f32; 3]> {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        (x < self.width && y < self.height).then(|| self.pixels[y * self.width + x])
+    }
+}
+
 fn joined(a: &[f32], b: &[f32], c: &[f32], rgb: impl Fn(f32, f32, f32) -> [f32; 3]) -> Vec<[f32; 3]> {
-    a.iter().zip(b).zip(c).map(|((&a, &b), &c)| lab_of_rgb(rgb(a, b, c))).collect()
+    a.iter().zip(b).zip(c).map(|((&a, &b), &c)| rgb(a, b, c)).collect()
 }
 
 /// Rec. 709, limited range: of the matrices in use the middle one.
