@@ -1,4 +1,4 @@
-//! Symmetric matrices of dense blocks, one per pair of things with several unknowns each: bodies, vertices, cameras.
+//! Symmetric matrices of dense blocks, one per pair of bodies, vertices or cameras with several unknowns each.
 //!
 //! Both triangles are stored, by rows of blocks: a product reads the matrix once in order, and a row is at hand for
 //! relaxation.
@@ -10,7 +10,7 @@ use nalgebra::{Const, SMatrix};
 use super::{Component, Pattern, SparseError, SparseMatrix, SymmetricOperator};
 use crate::math::Lists;
 
-/// A symmetric matrix of `B × B` blocks; unknown `B i + k` is the `k`-th of thing `i`.
+/// A symmetric matrix of `B × B` blocks; unknown `B i + k` is the `k`-th of block row `i`.
 ///
 /// ```
 /// use nalgebra::Matrix2;
@@ -34,7 +34,7 @@ pub struct BlockMatrix<const B: usize> {
 }
 
 impl<const B: usize> BlockMatrix<B> {
-    /// A zero matrix over `n` things with blocks on the diagonal and for these pairs, in whichever order and number.
+    /// A zero matrix of `n` block rows with blocks on the diagonal and for these pairs, in whichever order and number.
     ///
     /// # Panics
     /// If a pair is out of range.
@@ -49,8 +49,8 @@ impl<const B: usize> BlockMatrix<B> {
         Self { blocks: vec![SMatrix::zeros(); places.len()], diagonal, columns }
     }
 
-    /// Number of things, rows of blocks.
-    pub fn things(&self) -> usize {
+    /// Number of block rows.
+    pub fn block_rows(&self) -> usize {
         self.diagonal.len()
     }
 
@@ -93,17 +93,17 @@ impl<const B: usize> BlockMatrix<B> {
     /// # Errors
     /// As [`Pattern::new`].
     pub fn pattern(&self) -> Result<Arc<Pattern>, SparseError> {
-        let entries = (0..self.things()).flat_map(|i| {
+        let entries = (0..self.block_rows()).flat_map(|i| {
             let lower = self.columns.of(i).iter().map(|&j| j as usize).filter(move |&j| j <= i);
             lower.flat_map(move |j| (0..B * B).map(move |k| (B * i + k % B, B * j + k / B)))
         });
-        Ok(Arc::new(Pattern::new(B * self.things(), entries.filter(|(i, j)| i >= j))?))
+        Ok(Arc::new(Pattern::new(B * self.block_rows(), entries.filter(|(i, j)| i >= j))?))
     }
 
     /// Writes the entries of the lower triangle to a matrix with the pattern of this one.
     pub fn fill(&self, matrix: &mut SparseMatrix) {
         let mut values = matrix.values_mut().iter_mut();
-        for j in 0..self.things() {
+        for j in 0..self.block_rows() {
             for k in 0..B {
                 // By symmetry the column of blocks below the diagonal is the rest of the row.
                 let below = self.row(j).skip_while(|&(i, _)| i < j);
@@ -131,7 +131,7 @@ impl<const B: usize> BlockMatrix<B> {
 
 impl<const B: usize> SymmetricOperator for BlockMatrix<B> {
     fn n(&self) -> usize {
-        B * self.things()
+        B * self.block_rows()
     }
 
     fn multiply(&self, x: &[f64], y: &mut [f64]) {
@@ -143,7 +143,7 @@ impl<const B: usize> SymmetricOperator for BlockMatrix<B> {
     }
 
     fn component_of(&self, unknown: usize) -> Component {
-        let (mut seen, mut stack) = (vec![false; self.things()], vec![unknown / B]);
+        let (mut seen, mut stack) = (vec![false; self.block_rows()], vec![unknown / B]);
         while let Some(i) = stack.pop() {
             if !std::mem::replace(&mut seen[i], true) {
                 stack.extend(self.row(i).filter(|(_, block)| block.iter().any(|&v| v != 0.0)).map(|(j, _)| j));
@@ -153,7 +153,7 @@ impl<const B: usize> SymmetricOperator for BlockMatrix<B> {
     }
 }
 
-/// Gauss–Seidel relaxation by blocks: each thing in order takes the values that satisfy its own `B` equations.
+/// Gauss–Seidel relaxation by blocks: each block row in order takes the values that satisfy its own `B` equations.
 ///
 /// A sweep forwards and one backwards around the correction by a coarser level make a multigrid cycle that is symmetric, as
 /// conjugate gradients need it.
@@ -186,7 +186,7 @@ impl<'a, const B: usize> BlockGaussSeidel<'a, B> {
             let inverse = factor.ok_or(SparseError::Pivot { unknown: B * i })?.inverse();
             inverse.iter().all(|v| v.is_finite()).then_some(inverse).ok_or(SparseError::Pivot { unknown: B * i })
         };
-        Ok(Self { matrix, inverses: (0..matrix.things()).map(inverse).collect::<Result<_, _>>()? })
+        Ok(Self { matrix, inverses: (0..matrix.block_rows()).map(inverse).collect::<Result<_, _>>()? })
     }
 
     /// A sweep in ascending order from `x = 0`; `left` is the residual `b − A x` after it.
@@ -201,7 +201,7 @@ impl<'a, const B: usize> BlockGaussSeidel<'a, B> {
             let before = self.matrix.row(i).take_while(|&(j, _)| j < i);
             x[i] = self.own(i, b, BlockMatrix::times(before, x));
         }
-        // When a thing has got its values its equations are met but for the things after it, which are zero then.
+        // When a block row has got its values its equations are met but for the rows after it, which are zero then.
         for (i, left) in left.as_chunks_mut::<B>().0.iter_mut().enumerate() {
             *left = BlockMatrix::times(self.matrix.row(i).skip_while(|&(j, _)| j <= i), x).map(|sum| -sum);
         }
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
     use nalgebra::Matrix2;
 
-    /// A ring of springs with two unknowns each, held at one thing.
+    /// A ring of springs with two unknowns each, held at one block row.
     fn ring(n: usize) -> (BlockMatrix<2>, SparseMatrix) {
         let next = |i: usize| (i + 1) % n;
         let mut blocks = BlockMatrix::new(n, (0..n).map(|i| (i as u32, next(i) as u32)));
@@ -264,17 +264,17 @@ mod tests {
     }
 
     #[test]
-    fn a_sweep_satisfies_each_thing_in_turn_and_tells_what_is_left() {
+    fn a_sweep_satisfies_each_block_row_in_turn_and_tells_what_is_left() {
         let (blocks, sparse) = ring(7);
         let relaxation = BlockGaussSeidel::new(&blocks).expect("positive");
         let (b, mut x, mut left, mut residual) = (wave(14), vec![9.0; 14], vec![9.0; 14], vec![0.0; 14]);
         relaxation.forwards_from_zero(&b, &mut x, &mut left);
         sparse.residual(&x, &b, &mut residual);
         assert!(left.iter().zip(&residual).all(|(a, b)| (a - b).abs() < 1e-13));
-        assert!(residual[12..].iter().all(|r| r.abs() < 1e-13), "the last thing is satisfied");
+        assert!(residual[12..].iter().all(|r| r.abs() < 1e-13), "the last block row is satisfied");
         relaxation.backwards(&b, &mut x);
         sparse.residual(&x, &b, &mut residual);
-        assert!(residual[..2].iter().all(|r| r.abs() < 1e-13), "the first thing is satisfied");
+        assert!(residual[..2].iter().all(|r| r.abs() < 1e-13), "the first block row is satisfied");
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //!
 //! A system over a few thousand clusters is factored. A larger one is solved by conjugate gradients ([`super::multigrid`]), only
 //! as far as the step is worth it (an inexact Newton method), and factored after all where they converge slowly, as in a shell
-//! without thickness.
+//! without thickness, or break down.
 //!
 //! Departure from the paper, which moves along a helix: rotation about the center and translation agree with it to first order.
 
@@ -119,7 +119,7 @@ impl Global {
 
     /// Rotations and translations have different units: each is damped relative to its own diagonal entries.
     fn damp(&mut self) {
-        let n = self.matrix.things();
+        let n = self.matrix.block_rows();
         let damping = [0, 3].map(|first| {
             let entries = (0..n).flat_map(|c| (first..first + 3).map(move |k| (c, k)));
             let largest = entries.map(|(c, k)| self.matrix.diagonal(c)[(k, k)]).fold(0.0, f64::max);
@@ -199,15 +199,24 @@ impl Linearized<'_, '_> {
             }
             let (finer, rest) = systems.split_at_mut(factored);
             let matrices = finer.iter().map(|system| &system.matrix);
-            let mut cycle = Cycle::new(matrices.zip(transfers), rest[0].factor(run)?)?;
             let force = std::mem::replace(&mut self.velocity, vec![0.0; 6 * clusters[0].count]);
-            let report = conjugate_gradients(&finer[0].matrix, &force, &mut self.velocity, &mut cycle, &INEXACT, run)?;
-            if report.converged || clusters[0].count > largest {
-                return Ok(());
+            let cycle = rest[0].factor(run).and_then(|last| Cycle::new(matrices.zip(transfers), last));
+            let solved = cycle.and_then(|mut cycle| {
+                conjugate_gradients(&finer[0].matrix, &force, &mut self.velocity, &mut cycle, &INEXACT, run)
+            });
+            let truncated = match solved {
+                Ok(report) if report.converged => return Ok(()),
+                Ok(_) => Ok(()),
+                Err(error) => Err(error),
+            };
+            // Newton's matrix is given up where it is refused, Gauss–Newton's is factored.
+            if clusters[0].count > largest || (newton && truncated.is_err()) {
+                return truncated;
             }
+            run.check()?;
             let positions = centers[0].iter().flat_map(|&center| [center.into(); 6]).collect();
             let system = &mut systems[0];
-            let Ok(direct) = Global::analyze(&system.matrix, positions) else { return Ok(()) };
+            let Ok(direct) = Global::analyze(&system.matrix, positions) else { return truncated };
             system.direct = Some(direct);
             self.velocity = force;
         }
