@@ -8,6 +8,7 @@
 mod cameras_from_tracks;
 mod cholesky_times;
 mod deform_mesh;
+mod faces_of_image;
 mod klt_frames;
 mod lens_points;
 mod lines_of_image;
@@ -29,6 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "cameras_from_tracks" => cameras_from_tracks::main(),
         "cholesky_times" => cholesky_times::main(),
         "deform_mesh" => deform_mesh::main(),
+        "faces_of_image" => faces_of_image::main(),
         "klt_frames" => klt_frames::main(),
         "lens_points" => lens_points::main(),
         "lines_of_image" => lines_of_image::main(),
@@ -39,6 +41,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "skin_points" => skin_points::main(),
         "tracks_of_clip" => tracks_of_clip::main(),
         "transcode" => transcode::main(),
-        other => Err(format!("no program `{other}` (expected one of cameras_from_tracks, cholesky_times, deform_mesh, klt_frames, lens_points, lines_of_image, motion_from_tracks, regression_times, retarget_map, segments_of_image, skin_points, tracks_of_clip, transcode)").into()),
+        other => Err(format!("no program `{other}` (expected one of cameras_from_tracks, cholesky_times, deform_mesh, faces_of_image, klt_frames, lens_points, lines_of_image, motion_from_tracks, regression_times, retarget_map, segments_of_image, skin_points, tracks_of_clip, transcode)").into()),
     }
 }
