@@ -105,7 +105,7 @@ impl ConstrainedLaplacian {
         let ordering = ordering.restricted(&unknowns.free, unknowns.of_vertex.len())?;
         let factor = CompactFactor::of_within(&matrix, &ordering, most, run)
             .map_err(|error| error.renumbered(&unknowns.free))?;
-        Ok(FactoredLaplacian { unknowns, factor })
+        Ok(FactoredLaplacian { unknowns, factor: Factor::Double(factor) })
     }
 }
 
@@ -152,11 +152,17 @@ fn fill(
     coupling
 }
 
+#[derive(Clone, Debug)]
+enum Factor {
+    Double(CompactFactor),
+    Single(CompactFactor<f32>),
+}
+
 /// The factored system: two triangular substitutions per solve, whatever the constrained values.
 #[derive(Clone, Debug)]
 pub struct FactoredLaplacian {
     unknowns: Unknowns,
-    factor: CompactFactor,
+    factor: Factor,
 }
 
 impl FactoredLaplacian {
@@ -175,12 +181,25 @@ impl FactoredLaplacian {
         &self.unknowns.coupling
     }
 
+    /// Keeps the factor in single precision where its entries allow it: half of its memory, for solves that are a preconditioner
+    /// ([`CompactFactor::rounded`]).
+    pub fn round(&mut self) {
+        if let Factor::Double(factor) = &self.factor
+            && let Some(rounded) = factor.rounded()
+        {
+            self.factor = Factor::Single(rounded);
+        }
+    }
+
     /// Replaces `b`, `D` ≤ 4 values for each unknown, by `(L_uu + diag μ)⁻¹ b`.
     ///
     /// # Panics
     /// Unless `b` has one entry per unknown.
     pub fn solve<const D: usize>(&mut self, b: &mut [[f64; D]]) {
-        self.factor.solve_points(b);
+        match &mut self.factor {
+            Factor::Double(factor) => factor.solve_points(b),
+            Factor::Single(factor) => factor.solve_points(b),
+        }
     }
 
     /// The same for one value per unknown.
@@ -188,7 +207,10 @@ impl FactoredLaplacian {
     /// # Panics
     /// As [`Self::solve`].
     pub fn solve_scalar(&mut self, b: &mut [f64]) {
-        self.factor.solve(b);
+        match &mut self.factor {
+            Factor::Double(factor) => factor.solve(b),
+            Factor::Single(factor) => factor.solve(b),
+        }
     }
 
     /// The minimizer for `b = 0` and no soft constraint: `D` ≤ 4 values for each vertex, `value(v)` for the fixed ones. Harmonic

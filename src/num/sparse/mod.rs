@@ -70,4 +70,5 @@ pub use ordering::{Ordering, Permutation};
 pub use pattern::Pattern;
 pub use scalar::{Complex, Scalar};
 pub use structure::FactorStructure;
+pub use sweep::Stored;
 pub use updated::Updated;

@@ -7,16 +7,16 @@
 
 /// Calls the instance of `f` for a width of 1 to [`MAX_WIDTH`] columns.
 macro_rules! with_width {
-    ($width:expr, $f:ident::<$lanes:ident, $fused:ident>($($arg:expr),*)) => {
+    ($width:expr, $f:ident::<$lanes:ident, $fused:ident, $value:ident>($($arg:expr),*)) => {
         match $width {
-            1 => $f::<1, $lanes, $fused>($($arg),*),
-            2 => $f::<2, $lanes, $fused>($($arg),*),
-            3 => $f::<3, $lanes, $fused>($($arg),*),
-            4 => $f::<4, $lanes, $fused>($($arg),*),
-            5 => $f::<5, $lanes, $fused>($($arg),*),
-            6 => $f::<6, $lanes, $fused>($($arg),*),
-            7 => $f::<7, $lanes, $fused>($($arg),*),
-            8 => $f::<8, $lanes, $fused>($($arg),*),
+            1 => $f::<1, $lanes, $fused, $value>($($arg),*),
+            2 => $f::<2, $lanes, $fused, $value>($($arg),*),
+            3 => $f::<3, $lanes, $fused, $value>($($arg),*),
+            4 => $f::<4, $lanes, $fused, $value>($($arg),*),
+            5 => $f::<5, $lanes, $fused, $value>($($arg),*),
+            6 => $f::<6, $lanes, $fused, $value>($($arg),*),
+            7 => $f::<7, $lanes, $fused, $value>($($arg),*),
+            8 => $f::<8, $lanes, $fused, $value>($($arg),*),
             _ => unreachable!("panels are 1 to {MAX_WIDTH} columns wide"),
         }
     };
@@ -36,6 +36,13 @@ impl<const L: usize> Default for Lanes<L> {
     }
 }
 
+/// An entry of a factor, as it is stored; solves are summed in double precision.
+pub trait Stored: Copy + Into<f64> {}
+
+impl Stored for f64 {}
+
+impl Stored for f32 {}
+
 /// Adjacent columns of equal structure.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Panel {
@@ -47,15 +54,15 @@ pub(super) struct Panel {
 
 /// A triangular factor, panel after panel.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Panels {
+pub(super) struct Panels<V> {
     pub(super) list: Vec<Panel>,
     /// Rows below the triangle, ascending.
     pub(super) rows: Vec<u32>,
     /// The triangle row by row, its diagonal inverted; then the rows below, each of the panel's width.
-    pub(super) values: Vec<f64>,
+    pub(super) values: Vec<V>,
 }
 
-impl Panels {
+impl Panels<f64> {
     /// Adds the panel of columns `first..last`, whose rows are the columns up to `next` and `below`.
     pub(super) fn push(&mut self, first: usize, last: usize, next: usize, below: &[u32]) {
         let width = last - first;
@@ -65,6 +72,15 @@ impl Panels {
         self.list.push(Panel { first: first as u32, width: width as u32, below: rows as u32 });
     }
 
+    /// The same in single precision; `None` where a value leaves its range.
+    pub(super) fn rounded(&self) -> Option<Panels<f32>> {
+        let rounded = |&value: &f64| Some(value as f32).filter(|single| single.is_normal() || value == 0.0);
+        let values = self.values.iter().map(rounded).collect::<Option<_>>()?;
+        Some(Panels { list: self.list.clone(), rows: self.rows.clone(), values })
+    }
+}
+
+impl<V: Stored> Panels<V> {
     /// Bytes that one sweep reads.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&self.list[..]) + size_of_val(&self.rows[..]) + size_of_val(&self.values[..])
@@ -75,7 +91,7 @@ impl Panels {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,fma")]
-            fn fused<const L: usize>(panels: &Panels, x: &mut [Lanes<L>]) {
+            fn fused<const L: usize, V: Stored>(panels: &Panels<V>, x: &mut [Lanes<L>]) {
                 panels.sweep::<L, true>(x);
             }
             if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
@@ -92,13 +108,13 @@ impl Panels {
         let (mut row, mut value) = (0, 0);
         for panel in &self.list {
             let (rows, values) = (&self.rows[row..][..panel.below as usize], &self.values[value..][..panel.size()]);
-            with_width!(panel.width, forward::<L, FUSED>(values, rows, panel.first as usize, x));
+            with_width!(panel.width, forward::<L, FUSED, V>(values, rows, panel.first as usize, x));
             (row, value) = (row + rows.len(), value + values.len());
         }
         for panel in self.list.iter().rev() {
             (row, value) = (row - panel.below as usize, value - panel.size());
             let (rows, values) = (&self.rows[row..][..panel.below as usize], &self.values[value..][..panel.size()]);
-            with_width!(panel.width, backward::<L, FUSED>(values, rows, panel.first as usize, x));
+            with_width!(panel.width, backward::<L, FUSED, V>(values, rows, panel.first as usize, x));
         }
     }
 }
@@ -114,8 +130,8 @@ impl Panel {
 /// `x_p ← T⁻¹ x_p`, then what the rows below take from it.
 #[inline(always)]
 #[allow(clippy::inline_always)]
-fn forward<const W: usize, const L: usize, const FUSED: bool>(
-    values: &[f64],
+fn forward<const W: usize, const L: usize, const FUSED: bool, V: Stored>(
+    values: &[V],
     rows: &[u32],
     first: usize,
     x: &mut [Lanes<L>],
@@ -127,16 +143,17 @@ fn forward<const W: usize, const L: usize, const FUSED: bool>(
         let l = &triangle[k * (k + 1) / 2..][..=k];
         let mut v = own[k].0;
         for c in 0..k {
-            take::<L, FUSED>(&mut v, l[c], &s[c]);
+            take::<L, FUSED>(&mut v, l[c].into(), &s[c]);
         }
-        s[k] = v.map(|v| v * l[k]);
+        let inverse: f64 = l[k].into();
+        s[k] = v.map(|v| v * inverse);
         own[k].0 = s[k];
     }
     for (l, &row) in below.chunks_exact(W).zip(rows) {
         let x = &mut x[row as usize].0;
         let mut v = *x;
         for c in 0..W {
-            take::<L, FUSED>(&mut v, l[c], &s[c]);
+            take::<L, FUSED>(&mut v, l[c].into(), &s[c]);
         }
         *x = v;
     }
@@ -145,8 +162,8 @@ fn forward<const W: usize, const L: usize, const FUSED: bool>(
 /// What the rows below take from `x_p`, then `x_p ← T⁻ᵀ x_p`.
 #[inline(always)]
 #[allow(clippy::inline_always)]
-fn backward<const W: usize, const L: usize, const FUSED: bool>(
-    values: &[f64],
+fn backward<const W: usize, const L: usize, const FUSED: bool, V: Stored>(
+    values: &[V],
     rows: &[u32],
     first: usize,
     x: &mut [Lanes<L>],
@@ -156,14 +173,15 @@ fn backward<const W: usize, const L: usize, const FUSED: bool>(
     for (l, &row) in below.chunks_exact(W).zip(rows) {
         let v = x[row as usize].0;
         for c in 0..W {
-            take::<L, FUSED>(&mut s[c], l[c], &v);
+            take::<L, FUSED>(&mut s[c], l[c].into(), &v);
         }
     }
     for k in (0..W).rev() {
         let l = &triangle[k * (k + 1) / 2..][..=k];
-        let v = s[k].map(|v| v * l[k]);
+        let inverse: f64 = l[k].into();
+        let v = s[k].map(|v| v * inverse);
         for c in 0..k {
-            take::<L, FUSED>(&mut s[c], l[c], &v);
+            take::<L, FUSED>(&mut s[c], l[c].into(), &v);
         }
         x[first + k].0 = v;
     }

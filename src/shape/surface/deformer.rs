@@ -184,6 +184,10 @@ pub(super) trait DeformSolver: Send + std::fmt::Debug {
     /// Solves; the convergence criterion is in its range.
     fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError>;
 
+    /// Called where initial guesses will be given: a factor that then is only a preconditioner may be kept in single precision. It costs no
+    /// digit of a result; initial guesses of the method's own have some six digits.
+    fn round(&mut self) {}
+
     /// Largest rotation of a handle against another of its component, in radians; 0 for methods that do not estimate it.
     fn largest_rotation(&self, _pose: &HandlePose) -> Result<f64, SurfaceError> {
         Ok(0.0)

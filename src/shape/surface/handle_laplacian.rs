@@ -10,7 +10,7 @@
 
 use super::SurfaceError;
 use super::components::Unknowns;
-use super::lanes::Lanes;
+use super::lanes::{LANES, Lanes};
 use crate::mesh::operators::{EdgeWeights, factored_laplacian};
 use plumbline_num::energy::{ConstrainedLaplacian, FIXED, FactoredLaplacian};
 use plumbline_num::run::Run;
@@ -22,7 +22,6 @@ pub(super) struct HandleLaplacian {
     system: FactoredLaplacian,
     /// `(unknown, index of the handle, μ)`.
     soft: Vec<(u32, usize, f64)>,
-    points: Vec<[f64; 3]>,
 }
 
 impl HandleLaplacian {
@@ -38,13 +37,18 @@ impl HandleLaplacian {
         let system = factored_laplacian(laplacian, &Ordering::Amd, run)
             .map_err(|error| SurfaceError::of_factor(error, 1, |vertex| vertex))?;
         let soft = unknowns.soft.iter().map(|&(k, weight)| (unknowns.unknown[vertex(k)], k, weight)).collect();
-        Ok(Self { soft, points: vec![[0.0; 3]; system.free().len()], system })
+        Ok(Self { soft, system })
+    }
+
+    /// Keeps the factor in single precision: solves are those of a preconditioner from here on.
+    pub(super) fn round(&mut self) {
+        self.system.round();
     }
 
     /// Contribution of the constraints to the right-hand side: `−A_fh x_h + μ t`, one entry per unknown. `x` has the fixed vertices
     /// at their targets, `targets` the targets of all handles.
     pub(super) fn pull(&self, x: &[Lanes], targets: &[Lanes]) -> Vec<Lanes> {
-        let mut pull = vec![Lanes::ZERO; self.points.len()];
+        let mut pull = vec![Lanes::ZERO; self.system.free().len()];
         for &(unknown, vertex, w) in self.system.coupling() {
             pull[unknown as usize] += Lanes::splat(w) * x[vertex as usize];
         }
@@ -84,23 +88,16 @@ impl HandleLaplacian {
 
     /// Replaces a vector with one entry per unknown by `A⁻¹` times it.
     pub(super) fn solve_unknowns(&mut self, v: &mut [Lanes]) {
-        for (point, v) in self.points.iter_mut().zip(v.iter()) {
-            *point = v.xyz();
-        }
-        self.system.solve(&mut self.points);
-        for (v, &point) in v.iter_mut().zip(&self.points) {
-            *v = Lanes::point(point);
-        }
+        self.system.solve::<LANES>(bytemuck::cast_slice_mut(v));
     }
 
     /// Sets the free vertices of `x` to the minimizer for the right-hand sides `b` per vertex and `pull` of the constraints.
     pub(super) fn solve(&mut self, b: &[Lanes], pull: &[Lanes], x: &mut [Lanes]) {
-        for ((point, &v), pull) in self.points.iter_mut().zip(self.system.free()).zip(pull) {
-            *point = (b[v as usize] + *pull).xyz();
-        }
-        self.system.solve(&mut self.points);
-        for (&point, &v) in self.points.iter().zip(self.system.free()) {
-            x[v as usize] = Lanes::point(point);
+        let mut solution: Vec<Lanes> =
+            self.system.free().iter().zip(pull).map(|(&v, &pull)| b[v as usize] + pull).collect();
+        self.solve_unknowns(&mut solution);
+        for (solution, &v) in solution.into_iter().zip(self.system.free()) {
+            x[v as usize] = solution;
         }
     }
 }

@@ -12,7 +12,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 pub(super) const LANES: usize = 4;
 
 /// Four numbers: one quantity of four cells, or the coordinates `x, y, z, 0` of one vertex.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]
 pub(super) struct Lanes(pub(super) [f64; LANES]);
 

@@ -119,7 +119,10 @@ impl Multiresolution {
         pose.check(&self.handles)?;
         let coarse = match self.coarse.take() {
             Some(coarse) => coarse,
-            None => Coarse::new(self.method, &self.mesh, &self.handles, &self.options, run)?,
+            None => {
+                round_large(&mut *self.fine, self.mesh.vertex_count());
+                Coarse::new(self.method, &self.mesh, &self.handles, &self.options, run)?
+            }
         };
         self.coarse.insert(coarse).solve(&mut *self.fine, pose, several, run)
     }
@@ -226,6 +229,13 @@ impl Coarse {
     }
 }
 
+/// Levels finer than those of trials start from the solution of a coarser one: there a preconditioner suffices, and memory counts.
+fn round_large(solver: &mut dyn DeformSolver, vertices: usize) {
+    if vertices > MAX_TRIAL_VERTICES {
+        solver.round();
+    }
+}
+
 /// A local minimum on a level.
 struct Minimum {
     positions: Vec<Point3<f64>>,
@@ -324,7 +334,9 @@ impl Level {
             primo: options.primo.of_copy(mesh, copy),
             ..*options
         };
-        Ok(Self { bound: single_level(method, copy, &Handles::new(constrained)?, &options, run)?, handles: remaining })
+        let mut bound = single_level(method, copy, &Handles::new(constrained)?, &options, run)?;
+        round_large(&mut *bound, copy.vertex_count());
+        Ok(Self { bound, handles: remaining })
     }
 
     /// The pose of the remaining handles.

@@ -148,6 +148,12 @@ impl DeformSolver for Arap {
         }
     }
 
+    fn round(&mut self) {
+        if self.solver != Solver::LocalGlobal && self.elastic.smoothness.is_none() {
+            self.elastic.system.round();
+        }
+    }
+
     fn largest_rotation(&self, pose: &HandlePose) -> Result<f64, SurfaceError> {
         let targets = self.bound.targets(pose)?;
         Ok(self.patches.largest_rotation(&self.bound, pose, &targets))

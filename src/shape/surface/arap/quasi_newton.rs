@@ -15,9 +15,9 @@
 
 use std::collections::VecDeque;
 
-use super::super::lanes::Lanes;
+use super::super::lanes::{LANES, Lanes};
 use super::descent::Directions;
-use super::elastic::{Elastic, add, dot};
+use super::elastic::Elastic;
 use plumbline_num::run::{Run, Stopped};
 
 /// Number of stored steps. Three need a third more iterations; eight save fewer iterations than their products cost.
@@ -26,12 +26,29 @@ const MEMORY: usize = 5;
 /// Minimum cosine between a stored step and its gradient change; below it `1 / sᵀy` is dominated by rounding.
 const MIN_CURVATURE: f64 = 1e-12;
 
-/// One stored step `s = Δx`, the change of the gradient `y = Δg`, and `1 / sᵀy`.
+/// One stored step `s = Δx`, the change of the gradient `y = Δg`, and `1 / sᵀy`, both in units of the longest coordinate of the step, which
+/// changes no product with `H`, and in single precision, which halves what one reads.
 #[derive(Debug, Default)]
 struct Pair {
-    s: Vec<Lanes>,
-    y: Vec<Lanes>,
+    s: Vec<Single>,
+    y: Vec<Single>,
     rho: f64,
+}
+
+/// The coordinates of a vertex in single precision.
+#[derive(Clone, Copy, Debug)]
+struct Single([f32; LANES]);
+
+impl From<Lanes> for Single {
+    fn from(lanes: Lanes) -> Self {
+        Self(lanes.0.map(|x| x as f32))
+    }
+}
+
+impl From<Single> for Lanes {
+    fn from(single: Single) -> Self {
+        Self(single.0.map(f64::from))
+    }
 }
 
 /// The limited-memory approximation of the inverse Hessian.
@@ -55,11 +72,21 @@ impl Directions for Lbfgs {
         let mut pair =
             if self.pairs.len() == MEMORY { self.pairs.pop_front().unwrap_or_default() } else { Pair::default() };
         pair.s.clear();
-        pair.s.extend(p.iter().map(|&p| Lanes::splat(t) * p));
         pair.y.clear();
-        pair.y.extend(next.iter().zip(g).map(|(&next, &g)| next - g));
-        let sy = dot(&pair.s, &pair.y);
-        if sy > MIN_CURVATURE * (dot(&pair.s, &pair.s) * dot(&pair.y, &pair.y)).sqrt() {
+        let longest = p.iter().flat_map(|p| p.0).fold(0.0, |longest: f64, p| longest.max(p.abs()));
+        let (of_step, of_change) = (Lanes::splat(1.0 / longest), Lanes::splat(1.0 / (t * longest)));
+        let (mut sy, mut ss, mut yy) = (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO);
+        for ((&p, &next), &g) in p.iter().zip(next).zip(g) {
+            let (stored_s, stored_y) = (Single::from(of_step * p), Single::from(of_change * (next - g)));
+            let (s, y) = (Lanes::from(stored_s), Lanes::from(stored_y));
+            sy += s * y;
+            ss += s * s;
+            yy += y * y;
+            pair.s.push(stored_s);
+            pair.y.push(stored_y);
+        }
+        let [sy, ss, yy] = [sy, ss, yy].map(|sum| sum.dot(Lanes::splat(1.0)));
+        if sy > MIN_CURVATURE * (ss * yy).sqrt() {
             pair.rho = 1.0 / sy;
             self.pairs.push_back(pair);
         }
@@ -88,4 +115,15 @@ impl Lbfgs {
             add(g, alpha - beta, &pair.s);
         }
     }
+}
+
+fn dot(a: &[Single], b: &[Lanes]) -> f64 {
+    let sum = a.iter().zip(b).fold(Lanes::ZERO, |sum, (&a, &b)| sum + Lanes::from(a) * b);
+    sum.dot(Lanes::splat(1.0))
+}
+
+/// `a ← a + t b`.
+fn add(a: &mut [Lanes], t: f64, b: &[Single]) {
+    let t = Lanes::splat(t);
+    a.iter_mut().zip(b).for_each(|(a, &b)| *a += t * Lanes::from(b));
 }
