@@ -37,7 +37,7 @@ impl HandleLaplacian {
         let system = factored_laplacian(laplacian, &Ordering::Amd, run)
             .map_err(|error| SurfaceError::of_factor(error, 1, |vertex| vertex))?;
         let soft = unknowns.soft.iter().map(|&(k, weight)| (unknowns.unknown[vertex(k)], k, weight)).collect();
-        Ok(Self { soft, system })
+        Ok(Self { system, soft })
     }
 
     /// Keeps the factor in single precision: solves are those of a preconditioner from here on.

@@ -117,12 +117,11 @@ impl Multiresolution {
         run: &Run,
     ) -> Result<Option<Vec<Point3<f64>>>, SurfaceError> {
         pose.check(&self.handles)?;
-        let coarse = match self.coarse.take() {
-            Some(coarse) => coarse,
-            None => {
-                round_large(&mut *self.fine, self.mesh.vertex_count());
-                Coarse::new(self.method, &self.mesh, &self.handles, &self.options, run)?
-            }
+        let coarse = if let Some(coarse) = self.coarse.take() {
+            coarse
+        } else {
+            round_large(&mut *self.fine, self.mesh.vertex_count());
+            Coarse::new(self.method, &self.mesh, &self.handles, &self.options, run)?
         };
         self.coarse.insert(coarse).solve(&mut *self.fine, pose, several, run)
     }
