@@ -185,7 +185,8 @@ pub(super) trait DeformSolver: Send + std::fmt::Debug {
     fn solve(&mut self, request: &Request<'_>) -> Result<Deformation, SurfaceError>;
 
     /// Called where initial guesses will be given: a factor that then is only a preconditioner may be kept in single precision. It costs no
-    /// digit of a result; initial guesses of the method's own have some six digits.
+    /// digit of a result; initial guesses of the method's own are then off by
+    /// some 10⁻⁷ of the diagonal, more on large surfaces.
     fn round(&mut self) {}
 
     /// Largest rotation of a handle against another of its component, in radians; 0 for methods that do not estimate it.
