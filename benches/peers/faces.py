@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Faces found in portraits and groups, and in pictures without faces, against marks by hand.
 
-    faces.py --programs target/release/examples/programs --media DIR [--more DIR] [--out DIR]
+    faces.py --programs target/release/examples/programs --media DIR [--more DIR] [--out DIR] [--min-size FRACTION]
 
 `faces.json` lists the pictures and their faces: boxes from the middle of the forehead to the chin and from ear to ear, px of a picture
 of the stated width; a face has an eye in sight and is a fortieth of the longer side high. --media is the media folder, whose
@@ -10,6 +10,7 @@ name: `data/images/t1.jpg` of insightface 2.1, `data/astronaut.png` of scikit-im
 source of face_recognition 1.3.0. Pictures that are not there are named and left out.
 
 A face is found if the center of a box lies in its mark and their areas are within a factor of 3; a box that finds no face is false.
+With --min-size a smaller face counts neither as one to be found nor, where it is found, as false.
 --out gets each picture with the marks (yellow) and the boxes (green, with their scores).
 """
 
@@ -47,6 +48,7 @@ def main():
     parser.add_argument("--media", type=Path, required=True)
     parser.add_argument("--more", type=Path)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--min-size", type=float, default=1 / 40, help="smallest face looked for, as a fraction of the longer side")
     a = parser.parse_args()
     folders = [a.media / "photo", *([a.more] if a.more else [])]
     total = {"faces": 0, "found": 0, "false": 0, "pictures": 0, "seconds": 0.0}
@@ -56,20 +58,21 @@ def main():
         if path is None:
             print(f"{name:42} is not there")
             continue
-        answer = subprocess.run([a.programs, "faces_of_image", path], check=True, capture_output=True, text=True).stdout
+        answer = subprocess.run([a.programs, "faces_of_image", str(a.min_size), path], check=True, capture_output=True, text=True).stdout
         answer = json.loads(answer)
         picture = cv2.imread(str(path))
         scale = picture.shape[1] / entry["width"] if entry["faces"] else 1.0
         marks = [[scale * c for c in mark] for mark in entry["faces"]]
         # Each box finds one face at most: surest boxes first.
-        left, false = list(marks), 0
+        is_small = lambda mark: mark[3] < a.min_size * max(picture.shape[:2])
+        small, left, false = [m for m in marks if is_small(m)], [m for m in marks if not is_small(m)], 0
         for box in answer["faces"]:
             mark = next((m for m in left if finds(box, m)), None)
-            false += mark is None
+            false += mark is None and not any(finds(box, m) for m in small)
             if mark is not None:
                 left.remove(mark)
-        row = {"faces": len(marks), "found": len(marks) - len(left), "false": false, "pictures": 1,
-               "seconds": answer["seconds"]}
+        row = {"faces": len(marks) - len(small), "found": len(marks) - len(small) - len(left), "false": false,
+               "pictures": 1, "seconds": answer["seconds"]}
         total = {key: total[key] + row[key] for key in total}
         print(f"{name:42} {row['faces']:5} {row['found']:5} {row['false']:5} {row['seconds']:8.3f}")
         if a.out:

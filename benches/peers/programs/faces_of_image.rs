@@ -1,7 +1,7 @@
 //! Finds the faces of pictures: the program that `benches/peers/faces.py` counts with.
 //!
-//! `faces_of_image FILE...` prints one JSON object per picture: `faces`, rows of x y width height score (px; the score a
-//! probability), and the `seconds` that it took, all threads at work.
+//! `faces_of_image MIN_SIZE FILE...` prints one JSON object per picture: `faces`, rows of x y width height score (px; the score a
+//! probability), and the `seconds` that it took, all threads at work. `MIN_SIZE` is that of `FaceOptions`.
 
 use std::io::Write;
 use std::time::Instant;
@@ -11,9 +11,11 @@ use plumbline::image::still::{LoadOptions, load};
 use plumbline::num::run::Run;
 
 pub(super) fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let detector = FaceDetector::new(FaceOptions::default());
+    let mut args = super::args().skip(1);
+    let min_size = args.next().ok_or("faces_of_image MIN_SIZE FILE...")?.parse()?;
+    let detector = FaceDetector::new(FaceOptions { min_size, ..FaceOptions::default() });
     let mut out = std::io::stdout();
-    for path in super::args().skip(1) {
+    for path in args {
         let photo = load(path.as_ref(), LoadOptions::default())?;
         let began = Instant::now();
         let found = detector.detect(&photo.frame, &Run::default())?;

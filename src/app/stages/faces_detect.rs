@@ -30,7 +30,7 @@ impl Stage for FacesDetectSettings {
     type Output = (Arc<[Face]>,);
 
     fn run(&self, (photo,): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
-        let options = FaceOptions { min_score: self.min_score };
+        let options = FaceOptions { min_score: self.min_score, ..FaceOptions::default() };
         let faces = FaceDetector::new(options).detect(&photo.frame, &context.job.run())?;
         Ok((faces.into(),))
     }

@@ -101,7 +101,7 @@ impl Analysis {
         }
         if self.faces.is_none() {
             let min_score = faces.map_or(FacesDetectSettings::default().min_score, |s| s.min_score);
-            let options = FaceOptions { min_score };
+            let options = FaceOptions { min_score, ..FaceOptions::default() };
             self.faces = Some(FaceDetector::new(options).detect(&self.detail.frame, run)?.into());
             return Ok(true);
         }

@@ -209,7 +209,7 @@ fn of_still(stage: &Stage, work: &WorkSize) -> (Rate, f64, f64) {
         // Rectified with lines found, 12 and 100 megapixels: .86 and 3.8 s; given a new shape .54 and 2.8 s.
         "image.load" => (Rate::photo(0.002, 0.01), 0.0),
         "lines.detect" => (Rate::photo(0.05, 0.006), 0.0),
-        "faces.detect" => (Rate::photo(0.05, 0.002), 0.5),
+        "faces.detect" => (Rate::photo(0.2, 0.002), 0.5),
         "image.importance" => (Rate::photo(0.01, 0.003), 0.5),
         "photo.rectify" => (Rate::photo(0.2, 0.002), 0.0),
         "photo.rectangle" | "photo.retarget" => (Rate::photo(0.1, 0.0), 0.0),
