@@ -74,8 +74,9 @@ struct RepairArgs {
     read: ReadArgs,
     #[command(flatten)]
     target: MeshTargetArgs,
-    /// Join vertices with equal coordinates (exact), none (never), or those within this fraction of the diagonal
-    #[arg(long, default_value = "exact", value_name = "exact|never|FRACTION", value_parser = weld)]
+    /// Join vertices with equal coordinates (exact), also at open edges across gaps of a hundredth of the edges there (gaps), none (never),
+    /// or those within this fraction of the diagonal
+    #[arg(long, default_value = "exact", value_name = "exact|gaps|never|FRACTION", value_parser = weld)]
     weld: Weld,
     /// A triangle whose height is at most this fraction of its longest side has no area
     #[arg(long, default_value_t = RepairOptions::default().flat, value_name = "FRACTION", value_parser = fraction)]
@@ -133,8 +134,9 @@ fn fraction(text: &str) -> Result<f64, String> {
 fn weld(text: &str) -> Result<Weld, String> {
     match text {
         "exact" => Ok(Weld::Exact),
+        "gaps" => Ok(Weld::GAPS),
         "never" => Ok(Weld::Never),
-        _ => fraction(text).map(Weld::Within).map_err(|e| format!("{e}; exact and never are the other choices")),
+        _ => fraction(text).map(Weld::Within).map_err(|e| format!("{e}; exact, gaps and never are the other choices")),
     }
 }
 

@@ -38,8 +38,16 @@ pub enum Weld {
     /// Vertices with equal coordinates, as triangle soups, STL files and texture seams require. Never joins distinct positions.
     #[default]
     Exact,
+    /// Those, and vertices at open edges within this fraction of the shortest edge at either, as triangles and parts require whose corners
+    /// were rounded one by one. Sizes of the mesh and of its triangles do not matter.
+    Gaps(f64),
     /// Vertices within this fraction of the bounding box diagonal of all referenced vertices, and chains of such vertices.
     Within(f64),
+}
+
+impl Weld {
+    /// A hundredth of an edge: what is that narrow beside the edges around it is no shape.
+    pub const GAPS: Self = Self::Gaps(0.01);
 }
 
 /// Thresholds of mesh repair.
@@ -165,8 +173,8 @@ pub fn repair(mesh: &TriMesh, options: &RepairOptions, run: &Run) -> Result<Repa
     };
     (_, report.unreferenced) = mesh.referenced_and_isolated();
     // Step 1: weld.
-    let joined = weld::join(mesh, options.weld, &report.unreferenced, run)?;
-    report.welded = joined.joined();
+    let (joined, bridged) = weld::join(mesh, options.weld, &report.unreferenced, run)?;
+    (report.welded, report.bridged) = (joined.joined(), bridged);
     let corners = (0..mesh.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let mut soup = Soup { mesh, joined, corners };
     run.check()?;

@@ -21,6 +21,8 @@ pub struct RepairReport {
     pub triangles_after: usize,
     /// Number of vertices welded to another.
     pub welded: usize,
+    /// How many of them across a gap.
+    pub bridged: usize,
     /// Isolated vertices, referenced by no triangle: removed.
     pub unreferenced: Vec<u32>,
     /// Triangles with a repeated vertex after welding: removed.
@@ -96,7 +98,8 @@ impl RepairReport {
         let first = |list: &[u32]| list.first().map(|v| format!(" (first: {v})")).unwrap_or_default();
         let edge = self.non_manifold_edges.first().map(|[a, b]| format!(" (first: {a} to {b})")).unwrap_or_default();
         [
-            (self.welded, "vertices joined with another in the same place", String::new()),
+            (self.welded - self.bridged, "vertices joined with another in the same place", String::new()),
+            (self.bridged, "vertices joined with another across a gap", String::new()),
             (self.unreferenced.len(), "vertices left out that no triangle names", first(&self.unreferenced)),
             (self.collapsed.len(), "triangles left out that name a vertex twice", first(&self.collapsed)),
             (self.duplicates.len(), "triangles left out that stand twice", first(&self.duplicates)),

@@ -232,10 +232,36 @@ fn welding_within_a_distance_joins_what_is_near_and_nothing_else() {
         let result = repair(&shaken, &options, &Run::default()).expect("a run that never stops");
         assert_eq!((result.mesh.vertex_count(), result.report.boundary_loops.len()), (162, 0), "{fraction}");
     }
+    // A hundredth of the shortest edge is .004 of the diagonal here.
+    let [closed, torn] = [1.0, 1e6].map(|times| {
+        let spread = changed(&shaken, |positions, _| {
+            for (p, q) in positions.iter_mut().zip(soup(&icosphere(2)).positions()) {
+                *p = q + times * (*p - q);
+            }
+        });
+        let options = RepairOptions { weld: Weld::Gaps(0.01), ..RepairOptions::default() };
+        repair(&spread, &options, &Run::default()).expect("a run that never stops")
+    });
+    assert_eq!((closed.mesh.vertex_count(), closed.report.boundary_loops.len(), closed.report.bridged), (162, 0, 798));
+    assert!(torn.mesh.vertex_count() > 800, "{}", torn.report);
     let never =
         repair(&soup(&plane(2)), &RepairOptions { weld: Weld::Never, ..RepairOptions::default() }, &Run::default())
             .expect("a run that never stops");
     assert!(never.report.is_clean() && never.report.components.len() == 8);
+}
+
+#[test]
+fn gaps_are_judged_by_the_edges_around_them() {
+    let bridged = |gap: f64| {
+        let apart = changed(&disjoint(&[plane(4), plane(40)]), |positions, _| {
+            let second = positions[plane(4).vertex_count()..].iter_mut();
+            second.zip(plane(40).positions()).for_each(|(p, q)| *p = q + Vector3::x() * (1.0 + gap));
+        });
+        let options = RepairOptions { weld: Weld::Gaps(0.1), ..RepairOptions::default() };
+        repair(&apart, &options, &Run::default()).expect("a run that never stops").report.bridged
+    };
+    // Five corners of the coarse square meet corners of the fine one, whose edges are a fortieth.
+    assert_eq!([0.0, 0.05 / 40.0, 0.2 / 40.0].map(bridged), [0, 5, 0]);
 }
 
 #[test]

@@ -1,28 +1,38 @@
 //! Welding of coincident vertices.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};
 
 use super::{TriMesh, Weld};
+use crate::mesh::edge_groups;
 use plumbline_num::run::{Run, Stopped};
-use plumbline_num::spatial::UnionFind;
+use plumbline_num::spatial::{KdTree, UnionFind};
 
-/// Sets of welded vertices of a mesh.
-pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32], run: &Run) -> Result<UnionFind, Stopped> {
+/// Vertices that are looked at for each open one, on average: six triangles meet at most vertices. Where thousands are within reach of
+/// each other, most of their gaps stay.
+const LOOKS: usize = 64;
+
+/// Sets of welded vertices of a mesh, and the number of vertices that were not in the same place as another of their set.
+pub(super) fn join(mesh: &TriMesh, weld: Weld, unreferenced: &[u32], run: &Run) -> Result<(UnionFind, usize), Stopped> {
     let mut joined = UnionFind::new(mesh.vertex_count());
+    if weld != Weld::Never {
+        join_equal(mesh.positions(), &mut joined);
+    }
+    let equal = joined.joined();
     match weld {
-        Weld::Never => {}
-        Weld::Exact => join_equal(mesh.positions(), &mut joined),
+        Weld::Never | Weld::Exact => {}
+        Weld::Gaps(fraction) => join_across_gaps(mesh, fraction, &mut joined, run)?,
         Weld::Within(fraction) => {
-            join_equal(mesh.positions(), &mut joined);
             let distance = fraction * diagonal(mesh, unreferenced);
             if distance > 0.0 && distance.is_finite() {
                 join_near(mesh.positions(), distance, &mut joined, run)?;
             }
         }
     }
-    Ok(joined)
+    let bridged = joined.joined() - equal;
+    Ok((joined, bridged))
 }
 
 /// Bounding box diagonal of the referenced vertices; isolated ones may be arbitrarily far away.
@@ -71,6 +81,43 @@ fn join_near(positions: &[Point3<f64>], distance: f64, joined: &mut UnionFind, r
             if vertices.iter().any(touch) {
                 joined.join(vertices[0], others[0]);
             }
+        }
+    }
+    Ok(())
+}
+
+/// Joins vertices at open edges whose distance is at most `fraction` of the shortest edge at either.
+fn join_across_gaps(mesh: &TriMesh, fraction: f64, joined: &mut UnionFind, run: &Run) -> Result<(), Stopped> {
+    let origins: Vec<u32> = mesh.triangles().as_flattened().iter().map(|v| joined.root(*v)).collect();
+    let mut reach = vec![f64::INFINITY; mesh.vertex_count()];
+    let mut is_open = vec![false; mesh.vertex_count()];
+    for edge in edge_groups(&origins).iter() {
+        let ends = [(edge[0].0 >> 32) as u32, edge[0].0 as u32].map(|v| v as usize);
+        if ends[0] == ends[1] {
+            continue;
+        }
+        let length = nalgebra::distance(&mesh.positions()[ends[0]], &mesh.positions()[ends[1]]);
+        for v in ends {
+            reach[v] = reach[v].min(fraction * length);
+            is_open[v] |= edge.len() == 1;
+        }
+    }
+    run.check()?;
+    let open: Vec<u32> = (0..mesh.vertex_count() as u32).filter(|v| is_open[*v as usize]).collect();
+    let points: Vec<Point3<f64>> = open.iter().map(|v| mesh.positions()[*v as usize]).collect();
+    let tree = KdTree::new(&points);
+    let looks = Cell::new(LOOKS * open.len());
+    for (&v, p) in open.iter().zip(&points) {
+        run.check()?;
+        let square = reach[v as usize].powi(2);
+        loop {
+            let is_apart = |k: u32| {
+                looks.set(looks.get().saturating_sub(1));
+                let u = open[k as usize];
+                joined.root(u) != joined.root(v) && nalgebra::distance(p, &points[k as usize]) <= reach[u as usize]
+            };
+            let Some((k, _)) = tree.nearest_within(p, square, is_apart).filter(|_| looks.get() > 0) else { break };
+            joined.join(v, open[k as usize]);
         }
     }
     Ok(())
