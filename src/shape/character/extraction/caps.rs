@@ -4,17 +4,21 @@
 //! triangulated with a new vertex at its centroid. Unpaired half-edges enter and leave each vertex equally often, so they decompose into
 //! closed walks on every oriented surface.
 
-use nalgebra::Point3;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
+use nalgebra::{Point3, Vector3};
+
+use super::order::Cost;
 use crate::mesh::{TriMesh, edge_groups};
 
 /// The closed surface; vertices and triangles of `open` come first, unchanged.
 pub(super) fn closed(open: &TriMesh) -> TriMesh {
     let mut positions = open.positions().to_vec();
     let mut triangles = open.triangles().to_vec();
-    for walk in walks(boundary(open.triangles())) {
+    for walk in walks(boundary(open.triangles()), &positions, &open.vertex_normals()) {
         let first = positions[walk[0] as usize];
-        let sum = walk.iter().map(|v| positions[*v as usize] - first).sum::<nalgebra::Vector3<f64>>();
+        let sum = walk.iter().map(|v| positions[*v as usize] - first).sum::<Vector3<f64>>();
         let middle = positions.len() as u32;
         positions.push(Point3::from(first + sum / walk.len() as f64));
         let next = walk.iter().cycle().skip(1);
@@ -38,17 +42,29 @@ pub(super) fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
     halves
 }
 
-/// Decomposes half-edges into closed walks without repeated vertices; each half-edge is used once.
-fn walks(halves: Vec<(u32, u32)>) -> Vec<Vec<u32>> {
-    let mut left: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
+/// Decomposes half-edges into closed walks without repeated vertices; each half-edge is used once. Where several holes meet at a vertex, the
+/// walk goes on along the next half-edge around its normal: the other side of the same hole.
+fn walks(halves: Vec<(u32, u32)>, positions: &[Point3<f64>], normals: &[Vector3<f64>]) -> Vec<Vec<u32>> {
+    let mut left: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for (a, b) in halves {
         left.entry(a).or_default().push(b);
     }
+    let toward = |v: u32, u: u32| positions[u as usize] - positions[v as usize];
     let mut walks = Vec::new();
     let starts: Vec<u32> = left.keys().copied().collect();
     for start in starts {
         let mut walk: Vec<u32> = vec![start];
-        while let Some(next) = left.get_mut(&walk[walk.len() - 1]).and_then(Vec::pop) {
+        loop {
+            let v = walk[walk.len() - 1];
+            let Some(ahead) = left.get_mut(&v).filter(|ahead| !ahead.is_empty()) else { break };
+            let next = match walk.len().checked_sub(2).map(|k| toward(v, walk[k])) {
+                Some(back) if ahead.len() > 1 => {
+                    let turn = |k: &usize| Cost::new(angle_around(&normals[v as usize], &back, &toward(v, ahead[*k])));
+                    (0..ahead.len()).min_by_key(turn).expect("some are ahead")
+                }
+                _ => ahead.len() - 1,
+            };
+            let next = ahead.swap_remove(next);
             match walk.iter().position(|v| *v == next) {
                 Some(at) => {
                     walks.push(walk.split_off(at));
@@ -59,6 +75,12 @@ fn walks(halves: Vec<(u32, u32)>) -> Vec<Vec<u32>> {
         }
     }
     walks
+}
+
+/// The angle from `a` to `b` around an axis, above 0, at most 2π.
+fn angle_around(axis: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    let angle = axis.dot(&a.cross(b)).atan2(a.dot(b) - axis.dot(a) * axis.dot(b));
+    if angle > 0.0 { angle } else { angle + TAU }
 }
 
 #[cfg(test)]
@@ -86,12 +108,25 @@ mod tests {
         let eight = [(0, 1), (1, 2), (2, 0), (0, 3), (3, 4), (4, 0)];
         let mut halves = eight.to_vec();
         halves.sort_unstable();
-        let mut found: Vec<Vec<u32>> = walks(halves);
+        let positions =
+            [[0, 0], [1, 1], [1, -1], [-1, -1], [-1, 1]].map(|[x, y]| Point3::from([x, y, 0].map(f64::from)));
+        let mut found: Vec<Vec<u32>> = walks(halves, &positions, &[Vector3::z(); 5]);
         for walk in &mut found {
             walk.sort_unstable();
         }
         found.sort();
         assert_eq!(found, [vec![0, 1, 2], vec![0, 3, 4]]);
+    }
+
+    #[test]
+    fn holes_that_meet_at_vertices_are_closed_one_by_one() {
+        let ball = shapes::icosphere(3);
+        let mut random = fastrand::Rng::with_seed(3);
+        let left = ball.triangles().iter().copied().filter(|_| random.bool()).collect();
+        let open = TriMesh::new(ball.positions().to_vec(), left).unwrap();
+        let whole = closed(&open);
+        assert!(parts::is_closed(&whole));
+        assert!((whole.volume() / ball.volume() - 1.0).abs() < 0.05, "{} of {}", whole.volume(), ball.volume());
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //!
 //! | step | file |
 //! | --- | --- |
-//! | connected components, duplicate vertices welded | `parts.rs` |
+//! | connected components, duplicate vertices and those across gaps welded | `parts.rs` |
 //! | close holes; thicken a surface without an inside | `caps.rs`, `sheet.rs` |
 //! | reduce to as many vertices as the curve needs | `reduction.rs` |
 //! | tips, pinned during contraction: geodesic extrema | `geodesic_extrema.rs` |
@@ -195,7 +195,8 @@ pub struct ExtractionReport {
 /// removed by repair get the nearest node.
 ///
 /// Left out, and counted in the report, are the triangles at outliers ([`TriMesh::outliers`]), and specks: components of less than
-/// 10⁻⁴ of the area of the largest one. Their vertices get the nearest node, too. The work is bounded: at most 6000 vertices of a component
+/// 10⁻⁴ of the area of the largest one. Their vertices get the nearest node, too. A component within the node distance of the largest one is
+/// a single node. The work is bounded: at most 6000 vertices of a component
 /// are contracted, its curve has about 2000 nodes at most, and many components are subdivided less (`src/shape/character/extraction`).
 ///
 /// # Errors
@@ -224,10 +225,15 @@ pub fn extract(
     };
     let mut curve = CurveSkeleton { node_of_vertex: vec![u32::MAX; mesh.vertex_count()], ..CurveSkeleton::default() };
     let count = parts.len();
+    // Where the largest component would have one node a small one has no more.
+    let reach = part::node_distance(parts.iter().map(|part| part.mesh.area()).fold(0.0, f64::max));
     for (i, part) in parts.into_iter().enumerate() {
         let own_run = run.part(i as f64 / count as f64, (i + 1) as f64 / count as f64);
-        let part::Found { curve: found, iterations, handles, spacing, refined } =
-            part::extract(&part, (i, count), options, observer, &own_run)?;
+        let part::Found { curve: found, iterations, handles, spacing, refined } = match part::point_within(&part, reach)
+        {
+            Some(point) => point,
+            None => part::extract(&part, (i, count), options, observer, &own_run)?,
+        };
         report.iterations += iterations;
         report.handles += handles;
         report.spacing = report.spacing.max(spacing);

@@ -343,13 +343,28 @@ impl Job<'_> {
     }
 }
 
-/// The result for a component too small for a curve.
-fn point(part: &Part) -> Found {
+/// Distance of the nodes of a surface of this area.
+pub(super) fn node_distance(area: f64) -> f64 {
+    SPACING * (area / (4.0 * std::f64::consts::PI)).sqrt()
+}
+
+/// The mean of the vertices, and the distance of the farthest one.
+fn extent(part: &Part) -> (Point3<f64>, f64) {
     let all = part.mesh.positions();
     let first = all[0];
     let middle = first + all.iter().map(|p| p - first).sum::<nalgebra::Vector3<f64>>() / all.len() as f64;
-    let radius = all.iter().map(|p| nalgebra::distance(p, &middle)).fold(0.0, f64::max);
-    let node_of_vertex = vec![0; all.len()];
+    (middle, all.iter().map(|p| nalgebra::distance(p, &middle)).fold(0.0, f64::max))
+}
+
+/// A single node, if the component reaches no farther from its middle than `reach`.
+pub(super) fn point_within(part: &Part, reach: f64) -> Option<Found> {
+    (extent(part).1 <= reach).then(|| point(part))
+}
+
+/// The result for a component too small for a curve.
+fn point(part: &Part) -> Found {
+    let (middle, radius) = extent(part);
+    let node_of_vertex = vec![0; part.mesh.vertex_count()];
     let curve = CurveSkeleton { nodes: vec![middle], edges: Vec::new(), radius: vec![radius], node_of_vertex };
     Found { curve, refined: true, ..Found::default() }
 }

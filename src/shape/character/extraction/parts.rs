@@ -1,11 +1,11 @@
 //! Connected components of a surface.
 //!
-//! Repair removes degenerate and duplicate triangles and orients the rest, but separates sheets at non-manifold edges. The curve should pass
+//! Repair welds vertices in the same place and across gaps, removes degenerate and duplicate triangles and orients the rest, but separates sheets at non-manifold edges. The curve should pass
 //! there: duplicate vertices are welded again, and triangles that share a vertex belong to one component.
 
 use std::collections::HashMap;
 
-use crate::mesh::{RepairOptions, TriMesh, edge_groups, repair};
+use crate::mesh::{RepairOptions, TriMesh, Weld, edge_groups, repair};
 use plumbline_num::run::{Run, Stopped};
 use plumbline_num::spatial::numbered_components;
 
@@ -53,10 +53,11 @@ pub(super) struct Parts {
 /// The components of a surface without its outliers and specks.
 pub(super) fn of(mesh: &TriMesh, run: &Run) -> Result<Parts, Stopped> {
     let outliers = mesh.outliers();
+    let welded = RepairOptions { weld: Weld::GAPS, ..RepairOptions::default() };
     let repaired = if outliers.is_empty() {
-        repair(mesh, &RepairOptions::default(), run)?
+        repair(mesh, &welded, run)?
     } else {
-        repair(&mesh.without_triangles_at(&outliers), &RepairOptions::default(), run)?
+        repair(&mesh.without_triangles_at(&outliers), &welded, run)?
     };
     let mut number: HashMap<[u64; 3], u32> = HashMap::new();
     let mut positions = Vec::new();

@@ -5,8 +5,8 @@
 //! The sides of a triangle are followed over edges to those of its neighbors (orientation double cover), so that a one-sided strip gives a
 //! closed surface, too.
 //!
-//! Sheets are distinguished from solids with holes by sampling: slightly inward from a vertex the winding number is one half on a plane, and
-//! one on a closed surface.
+//! Sheets are distinguished from solids with holes by sampling the winding number slightly inward and slightly outward of vertices: one half
+//! and minus one half at a plane, one and zero at a closed surface. Where a fraction of the triangles is missing all are that fraction of it.
 //!
 //! # Reference
 //! A. Jacobson, L. Kavan, O. Sorkine-Hornung, *Robust inside-outside segmentation using generalized winding numbers*, SIGGRAPH 2013; A. van
@@ -24,20 +24,24 @@ use plumbline_num::spatial::UnionFind;
 const THICKNESS: f64 = 0.1;
 /// Number of sampled vertices.
 const SAMPLES: usize = 60;
-/// Inward offset of the samples.
+/// Offset of the samples, inward and outward.
 const SAMPLE_OFFSET: f64 = 0.02;
-/// Smallest mean winding number of a solid: midway between a plane and a closed surface.
+/// Smallest mean winding number inside a solid, beside its drop across the surface: midway between a plane and a closed surface.
 const MIN_SOLID_WINDING: f64 = 0.75;
 
 /// Whether an open surface bounds a volume; meaningless once the run has ended.
 pub(super) fn is_solid(surface: &TriMesh, normals: &[Vector3<f64>], run: &Run) -> bool {
     let every = surface.vertex_count().div_ceil(SAMPLES).max(1);
     let asked = surface.positions().iter().zip(normals).step_by(every).filter(|(_, n)| n.norm() > 0.5);
-    let numbers: Vec<f64> = asked
-        .take_while(|_| run.check().is_ok())
-        .map(|(p, n)| winding_number(surface, &(p - n * SAMPLE_OFFSET)))
-        .collect();
-    numbers.iter().sum::<f64>() >= MIN_SOLID_WINDING * numbers.len() as f64
+    let (mut inside, mut outside) = (0.0, 0.0);
+    for (p, n) in asked {
+        if run.check().is_err() {
+            break;
+        }
+        inside += winding_number(surface, &(p - n * SAMPLE_OFFSET));
+        outside += winding_number(surface, &(p + n * SAMPLE_OFFSET));
+    }
+    inside >= MIN_SOLID_WINDING * (inside - outside)
 }
 
 /// Generalized winding number of a surface about a point: its signed solid angle over `4π`.
