@@ -144,9 +144,12 @@ fn repair_writes_a_manifold_and_reports_its_changes() {
         (&report[0]["repair"]["unorientable_cuts"], &report[0]["written"]["path"]),
         (&3.into(), &"m.ply".into())
     );
+    let told =
+        out(&succeed(folder, &["mesh", "repair", &media("mesh-hourglass.stl"), "-o", "g.ply", "--weld", "gaps"]));
+    assert!(told.contains("17 vertices joined with another in the same place") && !told.contains("gap"), "{told}");
     let wrong = plumbline_in(folder, &["mesh", "repair", &media("mesh-bar.ply"), "-o", "x.ply", "--weld", "2"]);
     assert!(
-        err(&wrong).contains("2 is out of range (0 to 0.1); exact and never are the other choices"),
+        err(&wrong).contains("2 is out of range (0 to 0.1); exact, gaps and never are the other choices"),
         "{}",
         err(&wrong)
     );

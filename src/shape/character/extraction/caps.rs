@@ -4,8 +4,8 @@
 //! triangulated with a new vertex at its centroid. Unpaired half-edges enter and leave each vertex equally often, so they decompose into
 //! closed walks on every oriented surface.
 
-use std::collections::BTreeMap;
-use std::f64::consts::TAU;
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Bound::{Excluded, Unbounded};
 
 use nalgebra::{Point3, Vector3};
 
@@ -16,7 +16,7 @@ use crate::mesh::{TriMesh, edge_groups};
 pub(super) fn closed(open: &TriMesh) -> TriMesh {
     let mut positions = open.positions().to_vec();
     let mut triangles = open.triangles().to_vec();
-    for walk in walks(boundary(open.triangles()), &positions, &open.vertex_normals()) {
+    for walk in walks(&boundary(open.triangles()), &positions, &open.vertex_normals()) {
         let first = positions[walk[0] as usize];
         let sum = walk.iter().map(|v| positions[*v as usize] - first).sum::<Vector3<f64>>();
         let middle = positions.len() as u32;
@@ -44,43 +44,57 @@ pub(super) fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
 
 /// Decomposes half-edges into closed walks without repeated vertices; each half-edge is used once. Where several holes meet at a vertex, the
 /// walk goes on along the next half-edge around its normal: the other side of the same hole.
-fn walks(halves: Vec<(u32, u32)>, positions: &[Point3<f64>], normals: &[Vector3<f64>]) -> Vec<Vec<u32>> {
-    let mut left: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for (a, b) in halves {
-        left.entry(a).or_default().push(b);
+fn walks(halves: &[(u32, u32)], positions: &[Point3<f64>], normals: &[Vector3<f64>]) -> Vec<Vec<u32>> {
+    let angle = |v: u32, u: u32| {
+        let [x, y] = axes_across(&normals[v as usize]);
+        let toward = positions[u as usize] - positions[v as usize];
+        Cost::new(y.dot(&toward).atan2(x.dot(&toward)))
+    };
+    // The half-edges that leave each vertex, by their angle around its normal, each with how often.
+    let mut left: BTreeMap<u32, BTreeMap<(Cost, u32), usize>> = BTreeMap::new();
+    for &(a, b) in halves {
+        *left.entry(a).or_default().entry((angle(a, b), b)).or_default() += 1;
     }
-    let toward = |v: u32, u: u32| positions[u as usize] - positions[v as usize];
     let mut walks = Vec::new();
     let starts: Vec<u32> = left.keys().copied().collect();
+    // Where each vertex is in the walk.
+    let mut place: HashMap<u32, usize> = HashMap::new();
     for start in starts {
         let mut walk: Vec<u32> = vec![start];
-        loop {
-            let v = walk[walk.len() - 1];
-            let Some(ahead) = left.get_mut(&v).filter(|ahead| !ahead.is_empty()) else { break };
-            let next = match walk.len().checked_sub(2).map(|k| toward(v, walk[k])) {
-                Some(back) if ahead.len() > 1 => {
-                    let turn = |k: &usize| Cost::new(angle_around(&normals[v as usize], &back, &toward(v, ahead[*k])));
-                    (0..ahead.len()).min_by_key(turn).expect("some are ahead")
-                }
-                _ => ahead.len() - 1,
+        place.insert(start, 0);
+        while let Some(&v) = walk.last() {
+            let Some(ahead) = left.get_mut(&v) else { break };
+            let after = walk.len().checked_sub(2).map_or(Unbounded, |k| Excluded((angle(v, walk[k]), u32::MAX)));
+            let Some((&half, _)) = ahead.range((after, Unbounded)).next().or_else(|| ahead.iter().next()) else {
+                break;
             };
-            let next = ahead.swap_remove(next);
-            match walk.iter().position(|v| *v == next) {
-                Some(at) => {
-                    walks.push(walk.split_off(at));
-                    walk.push(next);
-                }
-                None => walk.push(next),
+            let times = ahead.get_mut(&half).expect("found");
+            *times -= 1;
+            if *times == 0 {
+                ahead.remove(&half);
             }
+            let next = half.1;
+            if let Some(&at) = place.get(&next) {
+                let round = walk.split_off(at);
+                for v in &round {
+                    place.remove(v);
+                }
+                walks.push(round);
+            }
+            place.insert(next, walk.len());
+            walk.push(next);
+        }
+        for v in walk {
+            place.remove(&v);
         }
     }
     walks
 }
 
-/// The angle from `a` to `b` around an axis, above 0, at most 2π.
-fn angle_around(axis: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-    let angle = axis.dot(&a.cross(b)).atan2(a.dot(b) - axis.dot(a) * axis.dot(b));
-    if angle > 0.0 { angle } else { angle + TAU }
+/// Two unit vectors across a unit normal, the second a quarter turn counterclockwise of the first around it.
+fn axes_across(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let x = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).try_normalize(0.0).unwrap_or_else(Vector3::x);
+    [x, normal.cross(&x)]
 }
 
 #[cfg(test)]
@@ -110,7 +124,7 @@ mod tests {
         halves.sort_unstable();
         let positions =
             [[0, 0], [1, 1], [1, -1], [-1, -1], [-1, 1]].map(|[x, y]| Point3::from([x, y, 0].map(f64::from)));
-        let mut found: Vec<Vec<u32>> = walks(halves, &positions, &[Vector3::z(); 5]);
+        let mut found: Vec<Vec<u32>> = walks(&halves, &positions, &[Vector3::z(); 5]);
         for walk in &mut found {
             walk.sort_unstable();
         }
