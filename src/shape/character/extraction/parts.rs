@@ -1,7 +1,8 @@
 //! Connected components of a surface.
 //!
-//! Repair welds vertices in the same place and across gaps, removes degenerate and duplicate triangles and orients the rest, but separates sheets at non-manifold edges. The curve should pass
-//! there: duplicate vertices are welded again, and triangles that share a vertex belong to one component.
+//! Repair welds vertices in the same place and across gaps, removes degenerate and duplicate triangles and orients the rest, but separates sheets
+//! at non-manifold edges. The curve should pass there: duplicate vertices are welded again, and triangles that share a vertex belong to one
+//! component.
 
 use std::collections::HashMap;
 

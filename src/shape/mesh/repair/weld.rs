@@ -110,13 +110,13 @@ fn join_across_gaps(mesh: &TriMesh, fraction: f64, joined: &mut UnionFind, run: 
     for (&v, p) in open.iter().zip(&points) {
         run.check()?;
         let square = reach[v as usize].powi(2);
-        loop {
+        while looks.get() > 0 {
             let is_apart = |k: u32| {
                 looks.set(looks.get().saturating_sub(1));
                 let u = open[k as usize];
                 joined.root(u) != joined.root(v) && nalgebra::distance(p, &points[k as usize]) <= reach[u as usize]
             };
-            let Some((k, _)) = tree.nearest_within(p, square, is_apart).filter(|_| looks.get() > 0) else { break };
+            let Some((k, _)) = tree.nearest_within(p, square, is_apart) else { break };
             joined.join(v, open[k as usize]);
         }
     }
