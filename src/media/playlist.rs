@@ -98,7 +98,7 @@ impl Playlist {
                 .with("protocol_whitelist", "file"),
             _ => Dictionary::new().with("safe", "0").with("protocol_whitelist", "file"),
         };
-        Demuxer::open_as(Some(file), &url, self.format, options, guard)
+        Demuxer::open_as(Some(Box::new(file)), &url, self.format, options, guard)
     }
 }
 

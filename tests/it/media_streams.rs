@@ -123,25 +123,62 @@ fn an_odd_time_in_a_sound_packet_costs_neither_the_video_nor_the_sound() {
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
 }
 
-/// Repeats the header of the sound of an FLV file before its packet `number`, as live streams do; `alter` changes the copy.
-fn with_repeated_header(flv: &[u8], number: usize, alter: impl Fn(&mut [u8])) -> Vec<u8> {
-    const START: usize = 13;
+/// The tags of an FLV file: packets with their headers.
+fn tags(flv: &[u8]) -> Vec<&[u8]> {
     let length =
         |at: usize| 15 + usize::from(flv[at + 1]) * 65536 + usize::from(flv[at + 2]) * 256 + usize::from(flv[at + 3]);
     let mut tags = Vec::new();
-    let mut at = START;
+    let mut at = FLV_START;
     while at < flv.len() {
         tags.push(&flv[at..at + length(at)]);
         at += length(at);
     }
-    let is_sound = |tag: &&&[u8]| tag[0] == 8 && tag[11] >> 4 == 10;
-    let header = tags.iter().find(|tag| is_sound(tag) && tag[12] == 0).expect("a header of AAC");
-    let mut header = header.to_vec();
-    let before = *tags.iter().filter(|tag| is_sound(tag) && tag[12] == 1).nth(number).expect("so many packets");
+    tags
+}
+
+/// Bytes before the first tag of an FLV file.
+const FLV_START: usize = 13;
+
+/// Whether a tag is of AAC: its header (0) or a packet (1).
+fn is_aac(tag: &[u8], kind: u8) -> bool {
+    tag[0] == 8 && tag[11] >> 4 == 10 && tag[12] == kind
+}
+
+/// Repeats the header of the sound of an FLV file before its packet `number`, as live streams do; `alter` changes the copy.
+fn with_repeated_header(flv: &[u8], number: usize, alter: impl Fn(&mut [u8])) -> Vec<u8> {
+    let tags = tags(flv);
+    let mut header = tags.iter().find(|tag| is_aac(tag, 0)).expect("a header of AAC").to_vec();
+    let before = *tags.iter().filter(|tag| is_aac(tag, 1)).nth(number).expect("so many packets");
     header[4..8].copy_from_slice(&before[4..8]);
     alter(&mut header);
     let again = |tag: &&[u8]| if std::ptr::eq(*tag, before) { header.clone() } else { Vec::new() };
-    flv[..START].iter().copied().chain(tags.iter().flat_map(|tag| again(tag).into_iter().chain(tag.to_vec()))).collect()
+    flv[..FLV_START]
+        .iter()
+        .copied()
+        .chain(tags.iter().flat_map(|tag| again(tag).into_iter().chain(tag.to_vec())))
+        .collect()
+}
+
+#[test]
+fn sound_whose_header_would_make_the_result_unreadable_is_left_out() {
+    let Some(folder) = workshop() else { return };
+    let folder = folder.path();
+    let sound = "-f lavfi -i sine=duration=1:sample_rate=44100";
+    let clip = make(folder, "a.flv", &format!("{} {sound} -c:v flv1 -c:a aac", pattern(25)));
+    let mut bytes = std::fs::read(&clip).expect("read");
+    let before: usize = tags(&bytes).iter().take_while(|tag| !is_aac(tag, 0)).map(|tag| tag.len()).sum();
+    // Four bits of the channels: 14 is reserved.
+    let channels = &mut bytes[FLV_START + before + 14];
+    *channels = *channels & 0x87 | 14 << 3;
+    let from = folder.join("damaged.flv");
+    std::fs::write(&from, bytes).expect("write");
+    for name in ["out.mp4", "out.mov", "out.mkv"] {
+        let target = folder.join(name);
+        let report = rewrite(&input(&from), &target);
+        assert_eq!(times(&target).len(), 25, "{name}: {:?}", report.warnings);
+        let is_told = report.warnings.iter().any(|w| w.contains("(audio, aac) is left out"));
+        assert!(is_told, "{name}: {:?}", report.warnings);
+    }
 }
 
 #[test]

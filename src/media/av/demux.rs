@@ -2,6 +2,7 @@
 
 use std::ffi::{CStr, CString};
 use std::fs::File;
+use std::io::Cursor;
 use std::ptr::{self, NonNull};
 use std::sync::Arc;
 
@@ -9,9 +10,10 @@ use ffmpeg_next::ffi;
 
 use super::dict::{c_string, pairs, string};
 use super::error::check;
-use super::io::{FileIo, Guard, close_nested, interrupted, open_nested};
+use super::io::{Bytes, FileIo, Guard, Nested, close_nested, interrupted, open_nested};
 use super::packet::some_ts;
 use super::{AvError, Dictionary, Packet, Rational, StreamRef};
+use plumbline_num::run::Interrupt;
 
 /// Containers and elementary streams that hold everything in one file, by FFmpeg's short names. Left out is what reads or
 /// names other files (playlists, manifests, session descriptions, edit lists, subtitles with an index), devices, pictures
@@ -108,7 +110,7 @@ impl InputFormat {
         let mut found: *const ffi::AVInputFormat = ptr::null();
         // SAFETY: the guard outlives the io, which lives through the call; a format that is found is static.
         unsafe {
-            let io = FileIo::new(file, guard)?;
+            let io = FileIo::new(Box::new(file), guard)?;
             let code = ffi::av_probe_input_buffer2(io.as_ptr(), &raw mut found, name.as_ptr(), ptr::null_mut(), 0, 0);
             check(code).map_err(|e| guard.stopped().unwrap_or(e))?;
             found.as_ref().map(Self).ok_or(AvError::INVALID_DATA)
@@ -169,12 +171,18 @@ pub(crate) struct Chapter {
 impl Demuxer {
     /// Opens `file`, which is of `format` and has this extension, and reads enough to know every stream.
     pub(crate) fn open(file: File, extension: &str, format: InputFormat, guard: Arc<Guard>) -> Result<Self, AvError> {
-        Self::open_as(Some(file), &hint(extension), format, Dictionary::new(), guard)
+        Self::open_as(Some(Box::new(file)), &hint(extension), format, Dictionary::new(), guard)
+    }
+
+    /// Whether a file of these bytes can be opened.
+    pub(super) fn opens(bytes: Vec<u8>, format: InputFormat) -> bool {
+        let guard = Guard::new(&Interrupt::default(), Nested::Refused, bytes.len() as u64);
+        Self::open_as(Some(Box::new(Cursor::new(bytes))), c"trial", format, Dictionary::new(), guard).is_ok()
     }
 
     /// Opens what names other files: `url` is what their names are relative to, and the guard says which may be opened.
     pub(crate) fn open_as(
-        file: Option<File>,
+        file: Option<Box<dyn Bytes>>,
         url: &CStr,
         format: InputFormat,
         options: Dictionary,

@@ -1,4 +1,4 @@
-//! The bytes of a file for FFmpeg, read by this program.
+//! The bytes of a file, or of memory, for FFmpeg, read by this program.
 //!
 //! FFmpeg opens nothing itself: no name is taken for a URL, no text inside a file makes another file part of the result, an
 //! interrupt reaches every read, and a demuxer that reads in circles is stopped.
@@ -143,9 +143,14 @@ pub(crate) struct FileIo(NonNull<ffi::AVIOContext>);
 // SAFETY: one owner; an io context may move between threads as long as one at a time uses it.
 unsafe impl Send for FileIo {}
 
+/// A file, or bytes in memory.
+pub(crate) trait Bytes: Read + Seek + Send {}
+
+impl<T: Read + Seek + Send> Bytes for T {}
+
 /// What stands behind an io context.
 struct Source {
-    file: File,
+    file: Box<dyn Bytes>,
     length: u64,
     at: u64,
     /// Outlives the context: the demuxer owns both, and drops the guard last.
@@ -155,9 +160,9 @@ struct Source {
 impl FileIo {
     /// # Safety
     /// `guard` lives as long as the io.
-    pub(super) unsafe fn new(mut file: File, guard: *const Guard) -> Result<Self, AvError> {
+    pub(super) unsafe fn new(mut file: Box<dyn Bytes>, guard: *const Guard) -> Result<Self, AvError> {
         let io = |e: std::io::Error| AvError(-e.raw_os_error().unwrap_or(libc::EIO));
-        let length = file.metadata().map_err(io)?.len();
+        let length = file.seek(SeekFrom::End(0)).map_err(io)?;
         file.seek(SeekFrom::Start(0)).map_err(io)?;
         let source = Box::into_raw(Box::new(Source { file, length, at: 0, guard }));
         // SAFETY: the buffer is FFmpeg's own memory, as the context may replace it; the callbacks get `source` back, which is
@@ -274,7 +279,7 @@ pub(super) unsafe extern "C" fn open_nested(
         if guard.is_null() || url.is_null() || flags & ffi::AVIO_FLAG_WRITE != 0 {
             return AvError::FORBIDDEN.0;
         }
-        let opened = (*guard).open(CStr::from_ptr(url)).and_then(|file| FileIo::new(file, guard));
+        let opened = (*guard).open(CStr::from_ptr(url)).and_then(|file| FileIo::new(Box::new(file), guard));
         match opened {
             Ok(io) => {
                 *pb = io.as_ptr();

@@ -5,9 +5,10 @@ use std::ptr::{self, NonNull};
 
 use ffmpeg_next::ffi;
 
+use super::demux::InputFormat;
 use super::dict::{c_path, c_string, string};
 use super::error::check;
-use super::{AvError, Chapter, Dictionary, Encoder, Packet, Rational, StreamRef};
+use super::{AvError, Chapter, Demuxer, Dictionary, Encoder, Packet, Rational, StreamRef};
 
 /// A container that FFmpeg can write.
 #[derive(Clone, Copy)]
@@ -46,7 +47,7 @@ impl OutputFormat {
     /// The encoder of text subtitles that the container takes, where it takes any.
     pub(crate) fn subtitle_encoder(self) -> Option<&'static str> {
         match self.name().as_str() {
-            "mp4" | "mov" | "ipod" => Some("mov_text"),
+            _ if self.is_mp4() => Some("mov_text"),
             "matroska" => Some("srt"),
             "webm" => Some("webvtt"),
             _ => None,
@@ -54,13 +55,27 @@ impl OutputFormat {
     }
 
     /// Whether the container can hold `stream` as it is, found by trying to write a header with it alone.
+    ///
+    /// A header of MP4 is read back, too: FFmpeg writes there what it then refuses the whole file for, such as a damaged description of AAC.
     pub(crate) fn accepts(self, stream: StreamRef<'_>) -> bool {
-        let trial = || -> Result<(), AvError> {
+        let trial = |options| -> Result<Muxer, AvError> {
             let mut muxer = Muxer::in_memory(self)?;
             muxer.add_copy(stream)?;
-            muxer.write_header(Dictionary::new())
+            muxer.write_header(options)?;
+            Ok(muxer)
         };
-        stream.codec_known() && trial().is_ok()
+        if !stream.codec_known() || trial(Dictionary::new()).is_err() {
+            return false;
+        }
+        let Some(reader) = InputFormat::named(c"mov").filter(|_| self.is_mp4()) else { return true };
+        // What all packets are described by comes first in a file of fragments. Some codecs are described by their packets: no header then.
+        let header = trial(Dictionary::new().with("movflags", "+empty_moov"));
+        header.map_or(true, |mut muxer| Demuxer::opens(muxer.take_bytes(), reader))
+    }
+
+    /// MP4 and the formats that are built like it.
+    fn is_mp4(self) -> bool {
+        matches!(self.name().as_str(), "mp4" | "mov" | "ipod")
     }
 
     /// Whether the container can hold `stream` beside another video.
@@ -295,13 +310,25 @@ impl Muxer {
                 Sink::OwnFiles => Ok(()),
                 Sink::File => check(ffi::avio_closep(pb)).map(|_| ()),
                 Sink::Memory => {
-                    let mut bytes = ptr::null_mut();
-                    ffi::avio_close_dyn_buf(*pb, &raw mut bytes);
-                    *pb = ptr::null_mut();
-                    ffi::av_free(bytes.cast());
+                    ffi::av_free(close_buffer(pb).0.cast());
                     Ok(())
                 }
             }
+        }
+    }
+
+    /// What was written to memory; nothing more can be written.
+    fn take_bytes(&mut self) -> Vec<u8> {
+        if self.sink != Sink::Memory {
+            return Vec::new();
+        }
+        self.sink = Sink::OwnFiles;
+        // SAFETY: a live context whose io is a buffer, closed once; its bytes are copied, then freed.
+        unsafe {
+            let (bytes, length) = close_buffer(&raw mut (*self.ctx.as_ptr()).pb);
+            let copy = if bytes.is_null() { Vec::new() } else { std::slice::from_raw_parts(bytes, length).to_vec() };
+            ffi::av_free(bytes.cast());
+            copy
         }
     }
 }
@@ -311,6 +338,20 @@ impl Drop for Muxer {
         let _ = self.close(); // whoever wanted to know called `finish`
         // SAFETY: allocated by `avformat_alloc_output_context2`, freed once.
         unsafe { ffi::avformat_free_context(self.ctx.as_ptr()) };
+    }
+}
+
+/// Closes a buffer in memory and gives its bytes and their number to the caller, who frees them.
+///
+/// # Safety
+/// `pb` is of `avio_open_dyn_buf`.
+unsafe fn close_buffer(pb: *mut *mut ffi::AVIOContext) -> (*mut u8, usize) {
+    let mut bytes = ptr::null_mut();
+    // SAFETY: open, as the caller says, and not used any more.
+    unsafe {
+        let length = ffi::avio_close_dyn_buf(*pb, &raw mut bytes);
+        *pb = ptr::null_mut();
+        (bytes, usize::try_from(length).unwrap_or(0))
     }
 }
 
