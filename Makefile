@@ -60,7 +60,7 @@ test-long: test deny memcheck miri soak engine-long ## what takes longer: random
 	PLUMBLINE_CASES=300 cargo test --workspace --locked --test it kills
 	PLUMBLINE_CLIPS=60 cargo test --workspace --locked --test it killed_batch
 	PLUMBLINE_CASES=200 cargo test --workspace --locked --test it faults
-	PLUMBLINE_ROUNDS=1000000 cargo test --workspace --locked --test it fuzz
+	PLUMBLINE_FUZZ_TIMES=30 cargo test --workspace --locked --test it fuzz
 	for crate in $(PURE); do cargo check --locked --all-targets --package plumbline-$$crate || exit 1; done
 	cargo check --locked --package plumbline --no-default-features
 	cargo check --locked --package plumbline --no-default-features --features media

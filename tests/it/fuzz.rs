@@ -103,19 +103,21 @@ fn keep_as_seeds(examples: &[Vec<u8>], seed: u64) {
     }
 }
 
-/// [`hammer`] with a number of mutants. `PLUMBLINE_ROUNDS` overrides it, for longer runs.
+/// [`hammer`] with a number of mutants, `PLUMBLINE_FUZZ_TIMES` as many where that is set. A mutant on which the body panics is kept.
 fn hammer_times(rounds: usize, examples: &[Vec<u8>], body: fn(&[u8]), seed: u64) {
-    let asked = std::env::var("PLUMBLINE_ROUNDS").ok().and_then(|n| n.parse().ok());
-    let rounds = asked.unwrap_or(rounds);
+    let times = std::env::var("PLUMBLINE_FUZZ_TIMES").ok().map_or(1, |n| n.parse().expect("a number of times"));
     keep_as_seeds(examples, seed);
     let mut random = fastrand::Rng::with_seed(seed);
     for example in examples {
         body(example);
     }
-    for round in 0..rounds {
+    for round in 0..rounds * times {
         let bytes = mutated(examples, &mut random);
-        let ran = std::panic::catch_unwind(|| body(&bytes));
-        assert!(ran.is_ok(), "round {round} panicked on:\n{}", String::from_utf8_lossy(&bytes));
+        if std::panic::catch_unwind(|| body(&bytes)).is_err() {
+            let kept = std::env::temp_dir().join(format!("plumbline-fuzz-{seed}-{round}"));
+            std::fs::write(&kept, &bytes).expect("a temporary file");
+            panic!("round {round} panicked on the bytes in {}", kept.display());
+        }
     }
 }
 
