@@ -282,6 +282,17 @@ fn kinds_that_are_not_read_are_named_with_what_to_do() {
 }
 
 #[test]
+fn a_picture_developed_from_dng_is_not_taken_for_one() {
+    // One entry: the version of DNG, four bytes, which such pictures have in their EXIF still.
+    let exif = b"II*\0\x08\0\0\0\x01\0\x12\xc6\x01\0\x04\0\0\0\x01\x04\0\0\0\0\0\0".to_vec();
+    let before = Photo { exif: Some(exif), ..photo(Layout::Gbr, 8, false, (24, 16)) };
+    for format in FORMATS {
+        let (bytes, _) = written(&before, format);
+        assert_eq!(read(&bytes).expect("no raw file").frame.width, 24, "{format:?}");
+    }
+}
+
+#[test]
 fn paths_that_are_no_files_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let options = LoadOptions::default();

@@ -39,10 +39,11 @@ const DNG_VERSION: u16 = 50_706;
 const SUB_DIRECTORIES: u16 = 330;
 const NEW_SUBFILE_TYPE: u16 = 254;
 
-/// Tags that describe the storage of pixels, or repeat other tags: those of the old file are invalid in the new one.
-const STORAGE: [u16; 37] = [
+/// Tags that describe the storage of pixels, or repeat other tags: those of the old file are invalid in the new one. The last two are the
+/// versions of DNG, which pictures developed from it may have still: a reader would take the samples for those of a sensor.
+const STORAGE: [u16; 39] = [
     254, 255, 256, 257, 258, 259, 262, 263, 266, 273, 277, 278, 279, 280, 281, 284, 292, 293, 301, 317, 320, 322, 323,
-    324, 325, 330, 338, 339, 340, 341, 347, 513, 514, 530, 700, 33_723, 34_675,
+    324, 325, 330, 338, 339, 340, 341, 347, 513, 514, 530, 700, 33_723, 34_675, 50_706, 50_707,
 ];
 
 /// What a TIFF file says beside its pixels.
