@@ -117,6 +117,14 @@ pub(super) fn extract(
     if complex.alive_count() > MAX_BALLS {
         reduction::reduce(&mut complex, MAX_BALLS, &pinned, &|_| MIN_EDGE_SIZE, run)?;
     }
+    let left = complex.alive_count();
+    if left > MAX_BALLS {
+        return Err(CharacterError::Input(format!(
+            "a component of {} triangles cannot be simplified to fewer than {left} vertices, and at most {MAX_BALLS} can be contracted: too \
+             many of its triangles meet at vertices without forming a surface; remesh it, or leave it out",
+            part.mesh.triangle_count()
+        )));
+    }
     let balls = balls_of(&complex, &normals, run)?;
     reduction::reduce(
         &mut complex,
@@ -126,14 +134,6 @@ pub(super) fn extract(
         run,
     )?;
     run.check()?;
-    let left = complex.alive_count();
-    if left > MAX_BALLS {
-        return Err(CharacterError::Input(format!(
-            "a component of {} triangles cannot be simplified to fewer than {left} vertices, and at most {MAX_BALLS} can be contracted: too \
-             many of its triangles meet at vertices without forming a surface; remesh it, or leave it out",
-            part.mesh.triangle_count()
-        )));
-    }
     // 3. Tips and homology classes, then the curve.
     let tips = Tips::of(&complex, &balls, &options.keep);
     for v in &tips.kept {

@@ -46,6 +46,9 @@ pub(super) fn prune(
 ) -> Result<(), Stopped> {
     let mut shape = Shape::new(graph, tree, radii);
     let mut is_own = vec![false; graph.nodes.len()];
+    // Nodes with balls that hold each node, as found last. A node that no other branch holds stays outside, since others only go.
+    let mut holders: Vec<Option<u32>> = vec![None; graph.nodes.len()];
+    let mut is_outside = vec![false; graph.nodes.len()];
     let mut left = MAX_COMPARISONS;
     loop {
         let mut short: Vec<(Cost, Branch)> = Vec::new();
@@ -55,10 +58,21 @@ pub(super) fn prune(
             for v in own {
                 is_own[*v as usize] = true;
             }
-            let holds = |u: u32, v: u32| !is_own[u as usize] && graph.length(u, v) < radii[u as usize];
-            let outside = own.iter().rev().take_while(|v| !graph.alive().any(|u| holds(u, **v))).count();
+            let mut outside = 0;
+            for v in own.iter().rev() {
+                let holds = |u: &u32| !is_own[*u as usize] && graph.length(*u, *v) < radii[*u as usize];
+                let holder = &mut holders[*v as usize];
+                if !is_outside[*v as usize] && !holder.is_some_and(|u| graph.is_alive(u) && holds(&u)) {
+                    *holder = graph.alive().find(holds);
+                    is_outside[*v as usize] = holder.is_none();
+                    left = left.saturating_sub(graph.nodes.len());
+                }
+                if !is_outside[*v as usize] {
+                    break;
+                }
+                outside += 1;
+            }
             let persistence = shape.persistence(graph, &branch, branch.len() - outside, least);
-            left = left.saturating_sub((outside + 1) * graph.nodes.len());
             for v in own {
                 is_own[*v as usize] = false;
             }

@@ -16,6 +16,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};
 
+use super::caps;
 use crate::mesh::TriMesh;
 use plumbline_num::run::Run;
 use plumbline_num::spatial::UnionFind;
@@ -29,8 +30,16 @@ const SAMPLE_OFFSET: f64 = 0.02;
 /// Smallest mean winding number inside a solid, beside its drop across the surface: midway between a plane and a closed surface.
 const MIN_SOLID_WINDING: f64 = 0.75;
 
+/// Smallest fraction of the edges of a solid with a triangle on either side. Where triangles are missing at random it is the fraction that is
+/// left. Triangles that meet at vertices alone have no such edge, and each would get a cap of its own.
+const MIN_PAIRED: f64 = 0.25;
+
 /// Whether an open surface bounds a volume; meaningless once the run has ended.
 pub(super) fn is_solid(surface: &TriMesh, normals: &[Vector3<f64>], run: &Run) -> bool {
+    let edges = 3 * surface.triangle_count();
+    if ((edges - caps::boundary(surface.triangles()).len()) as f64) < MIN_PAIRED * edges as f64 {
+        return false;
+    }
     let every = surface.vertex_count().div_ceil(SAMPLES).max(1);
     let asked = surface.positions().iter().zip(normals).step_by(every).filter(|(_, n)| n.norm() > 0.5);
     let (mut inside, mut outside) = (0.0, 0.0);
@@ -117,4 +126,27 @@ pub(super) fn thickened(sheet: &TriMesh) -> Option<(TriMesh, Vec<u32>)> {
     };
     let positions = over.iter().zip(&normals).map(position).collect();
     Some((TriMesh::new(positions, triangles).ok()?, over))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::shapes;
+
+    #[test]
+    fn a_ball_of_which_half_is_left_is_solid_and_triangles_that_meet_at_vertices_alone_are_not() {
+        let solid = |mesh: &TriMesh| is_solid(mesh, &mesh.vertex_normals(), &Run::default());
+        let ball = shapes::icosphere(4);
+        let mut random = fastrand::Rng::with_seed(5);
+        let half = ball.triangles().iter().copied().filter(|_| random.bool()).collect();
+        let half = TriMesh::new(ball.positions().to_vec(), half).unwrap();
+        assert!(solid(&ball) && solid(&half));
+        assert!(!solid(&shapes::plane(9)));
+        // Every triangle of the coarser ball became four, of which the middle one is left: its corners are in its neighbors' middle ones.
+        let coarse = shapes::icosphere(3).vertex_count() as u32;
+        let middles = ball.triangles().iter().copied().filter(|t| t.iter().all(|v| *v >= coarse)).collect();
+        let middles = TriMesh::new(ball.positions().to_vec(), middles).unwrap();
+        assert_eq!(4 * middles.triangle_count(), ball.triangle_count());
+        assert!(!solid(&middles));
+    }
 }
