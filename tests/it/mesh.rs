@@ -42,6 +42,18 @@ fn info_reports_the_contents_of_files_and_what_repair_would_do() {
 }
 
 #[test]
+fn vertices_that_are_not_finite_are_mended_where_meshes_are_repaired_or_skeletons_are_extracted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let told = "not finite are set to the mean of their neighbors: 1, the first of them 7 (numbered from 0)";
+    for args in [&["mesh", "repair"][..], &["skeleton"]] {
+        let ran = plumbline_in(folder, &[args, &[&media("mesh-nan.ply"), "-o", "out.glb", "--overwrite"]].concat());
+        assert!(ran.status.success(), "{}", err(&ran));
+        assert!([out(&ran), err(&ran)].concat().contains(told), "{} {}", out(&ran), err(&ran));
+    }
+}
+
+#[test]
 fn bad_files_are_refused_with_their_line_and_do_not_stop_the_others() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, message) in [

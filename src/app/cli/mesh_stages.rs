@@ -22,8 +22,8 @@ pub(super) struct MeshesArgs {
 }
 
 impl MeshesArgs {
-    /// `mesh`, which opens each mesh, before the stages that write the path that they get; results that are named after their
-    /// meshes have this extension.
+    /// `mesh`, which opens each mesh and mends its vertices, before the stages that write the path that they get; results that are named
+    /// after their meshes have this extension.
     pub(super) fn pipeline(
         &self,
         name: &str,
@@ -31,7 +31,8 @@ impl MeshesArgs {
         stages: impl FnOnce(String) -> Vec<StageEntry>,
     ) -> Result<PipelineFile, Failure> {
         let Names { source, output } = self.target.names(&self.inputs, "meshes", extension)?;
-        let mut all = vec![mesh("mesh", source)];
+        let load = MeshLoadSettings { path: source, mend_vertices: true, ..MeshLoadSettings::default() };
+        let mut all = vec![StageEntry::built("mesh", &load)];
         all.extend(stages(output));
         Ok(PipelineFile { batch: self.target.batch(&self.inputs, self.jobs), ..PipelineFile::built(name, all) })
     }

@@ -17,11 +17,13 @@ pub struct MeshLoadSettings {
     pub path: String,
     /// Most bytes of the file and of what it refers to; larger ones are refused before memory is taken for them
     pub max_bytes: ByteSize,
+    /// Set vertices with coordinates that are not finite to the mean of their neighbors, with a warning, instead of refusing the mesh
+    pub mend_vertices: bool,
 }
 
 impl Default for MeshLoadSettings {
     fn default() -> Self {
-        Self { path: String::new(), max_bytes: ByteSize(ReadLimits::default().max_bytes) }
+        Self { path: String::new(), max_bytes: ByteSize(ReadLimits::default().max_bytes), mend_vertices: false }
     }
 }
 
@@ -41,7 +43,8 @@ impl Stage for MeshLoadSettings {
 
     fn run(&self, (): Self::Input, context: &mut Context<'_, '_>) -> Result<Self::Output, RunError> {
         let path = &to_path(&self.path);
-        let limits = ReadLimits { max_bytes: self.max_bytes.0, ..context.job.read_limits() };
+        let (max_bytes, mend_vertices) = (self.max_bytes.0, self.mend_vertices);
+        let limits = ReadLimits { max_bytes, mend_vertices, ..context.job.read_limits() };
         let model = read_model(path, &limits, &context.job.run()).map_err(|e| mesh_error(path, &e))?;
         for warning in model.warnings() {
             context.warn(format!("{}: {warning}", path.display()));

@@ -150,16 +150,16 @@ impl MeshArgs {
     pub(super) fn run(self, session: &Session<'_>) -> Result<Exit, Failure> {
         let run = &session.interrupt.run();
         match self.command {
-            MeshCommand::Info(read) => read.each(session, |_, model, format| info(model, format, run)),
+            MeshCommand::Info(read) => read.each(session, true, |_, model, format| info(model, format, run)),
             MeshCommand::Repair(args) => {
                 let options = RepairOptions { weld: args.weld, flat: args.flat };
                 let targets = args.target.of(&args.read.found()?)?;
-                args.read.each(session, |k, model, _| repaired(model, &options, &targets[k], run))
+                args.read.each(session, true, |k, model, _| repaired(model, &options, &targets[k], run))
             }
             MeshCommand::Convert(args) => {
                 let targets = args.target.of(&args.read.found()?)?;
                 let change = args.change();
-                args.read.each(session, |k, model, _| {
+                args.read.each(session, false, |k, model, _| {
                     if change.is_identity() {
                         written(model, &targets[k], run)
                     } else {
@@ -177,15 +177,17 @@ impl ReadArgs {
         all_inputs(&self.inputs, !self.no_recurse)
     }
 
-    /// Does `work` with each input, some at once, and reports in their order; one that fails does not stop the others.
+    /// Does `work` with each input, some at once, and reports in their order; one that fails does not stop the others. Vertices that are
+    /// not finite are mended or refused.
     fn each(
         &self,
         session: &Session<'_>,
+        mend_vertices: bool,
         work: impl Fn(usize, &Model, Option<MeshFormat>) -> Result<Report, MeshError> + Sync,
     ) -> Result<Exit, Failure> {
         let run = &session.interrupt.run();
-        let limits =
-            ReadLimits { max_bytes: self.max_bytes, allow_paths: self.allow_paths.clone(), ..ReadLimits::default() };
+        let (max_bytes, allow_paths) = (self.max_bytes, self.allow_paths.clone());
+        let limits = ReadLimits { max_bytes, allow_paths, mend_vertices, ..ReadLimits::default() };
         let inputs = self.found()?;
         let (mut items, mut failed, mut last) = (Vec::new(), 0, Exit::Done);
         let one = |k: usize| {
@@ -282,9 +284,7 @@ fn info(model: &Model, format: Option<MeshFormat>, run: &Run) -> Result<Report, 
     for (count, what) in lists.iter().filter(|(count, _)| *count > 0) {
         let _ = writeln!(text, "{count} {what}");
     }
-    for warning in model.warnings() {
-        let _ = writeln!(text, "note: {warning}");
-    }
+    text += &notes(model);
     text += "repair: ";
     text +=
         &if report.is_clean() { "nothing to do".to_owned() } else { report.changes().collect::<Vec<_>>().join("; ") };
@@ -307,8 +307,13 @@ fn info(model: &Model, format: Option<MeshFormat>, run: &Run) -> Result<Report, 
 fn repaired(model: &Model, options: &RepairOptions, target: &Target, run: &Run) -> Result<Report, MeshError> {
     let repaired = repair(model.mesh(), options, run)?;
     let report = written(&model.repaired(&repaired), target, run)?;
-    let text = format!("{}\n{}", repaired.report, report.text);
-    Ok(Report { text, json: json!({ "repair": repaired.report, "written": report.json }) })
+    let text = format!("{}{}\n{}", notes(model), repaired.report, report.text);
+    Ok(Report { text, json: json!({ "notes": model.warnings(), "repair": repaired.report, "written": report.json }) })
+}
+
+/// What the reader left out or mended, a line each.
+fn notes(model: &Model) -> String {
+    model.warnings().iter().flat_map(|warning| ["note: ", warning, "\n"]).collect()
 }
 
 fn written(model: &Model, target: &Target, run: &Run) -> Result<Report, MeshError> {

@@ -5,7 +5,7 @@
 
 use super::text::Words;
 use super::text::shown;
-use super::{MeshFormat, finite};
+use super::{MeshFormat, add_vertex};
 use crate::mesh::{MeshError, ModelBuilder, NO_VALUE};
 use plumbline_num::run::Run;
 
@@ -85,8 +85,7 @@ fn vertices(words: &mut Words<'_>, builder: &mut ModelBuilder, run: &Run) -> Res
             *value = words.number("a coordinate")?;
         }
         words.number("a reference")?;
-        let vertex = builder.positions.len();
-        builder.positions.push(finite(MeshFormat::Medit, || words.position(), vertex, xyz)?);
+        add_vertex(builder, MeshFormat::Medit, || words.position(), xyz);
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Mesh files: OBJ, PLY, OFF, STL, glTF and GLB read and written, Medit `.mesh` and binary FBX read.
 //!
-//! Readers validate counts, indices and finite positions strictly and report the position of a fault in the file; ignored
+//! Readers validate counts, indices and finite positions strictly (unless [`ReadLimits::mend_vertices`]) and report the position of a fault in the file; ignored
 //! contents are listed in [`Model::warnings`]. Counts in a header are checked against the file size before allocation. The
 //! format is detected by content first, then by the file name extension.
 
@@ -20,7 +20,7 @@ use std::fmt;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use super::{MeshError, Model, Position};
+use super::{MeshError, Model, ModelBuilder, Position};
 use plumbline_num::files::open_regular;
 use plumbline_num::run::Run;
 
@@ -94,7 +94,7 @@ impl fmt::Display for MeshFormat {
     }
 }
 
-/// Limits of the readers, for hostile files: sizes, which bound memory, and the folders of files that are opened.
+/// Limits of the readers, for hostile files: sizes, which bound memory, the folders of files that are opened, and what is mended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
     /// Maximum total size of the file and the files it references, bytes.
@@ -104,12 +104,15 @@ pub struct ReadLimits {
     pub max_elements: u64,
     /// Folders of files that a mesh file may name, besides its own folder.
     pub allow_paths: Vec<PathBuf>,
+    /// Whether vertices with coordinates that are not finite are set to the mean of their neighbors, with a warning of the model; else they are
+    /// refused. Morph targets and animations with such values are refused in any case.
+    pub mend_vertices: bool,
 }
 
 impl Default for ReadLimits {
-    /// 4 GiB, 2²⁸ vertices and corners, no further folder.
+    /// 4 GiB, 2²⁸ vertices and corners, no further folder, nothing mended.
     fn default() -> Self {
-        Self { max_bytes: 4 << 30, max_elements: 1 << 28, allow_paths: Vec::new() }
+        Self { max_bytes: 4 << 30, max_elements: 1 << 28, allow_paths: Vec::new(), mend_vertices: false }
     }
 }
 
@@ -146,7 +149,7 @@ pub fn decode_model(
     limits: &ReadLimits,
     run: &Run,
 ) -> Result<Model, MeshError> {
-    let builder = match format {
+    let mut builder = match format {
         MeshFormat::Obj => obj::read(bytes, run)?,
         MeshFormat::Ply => ply::read(bytes, run)?,
         MeshFormat::Off => off::read(bytes, run)?,
@@ -158,6 +161,9 @@ pub fn decode_model(
     limits.check("number of vertices", builder.positions.len())?;
     limits.check("number of corners", builder.faces.corner_count())?;
     run.check()?;
+    if limits.mend_vertices {
+        builder.mend_vertices();
+    }
     builder.finish()
 }
 
@@ -194,18 +200,9 @@ fn malformed(format: MeshFormat, at: Position, fault: impl Into<String>) -> Mesh
     MeshError::Malformed { format, at, fault: fault.into() }
 }
 
-/// The position of vertex `vertex`; an error unless finite.
-fn finite(
-    format: MeshFormat,
-    at: impl FnOnce() -> Position,
-    vertex: usize,
-    xyz: [f64; 3],
-) -> Result<nalgebra::Point3<f64>, MeshError> {
-    if xyz.iter().all(|c| c.is_finite()) {
-        return Ok(xyz.into());
-    }
-    let [x, y, z] = xyz;
-    Err(malformed(format, at(), MeshError::NotFinite { vertex, x, y, z }.to_string()))
+/// Adds a vertex that the file has at this position.
+fn add_vertex(builder: &mut ModelBuilder, format: MeshFormat, at: impl FnOnce() -> Position, xyz: [f64; 3]) {
+    builder.vertex(xyz.into(), |told| malformed(format, at(), told.to_string()));
 }
 
 /// The triangles of a strip: every second one has reversed orientation.

@@ -12,7 +12,7 @@ use std::io::{self, Write};
 
 use super::text::{Lines, number, shown, words};
 use super::write::Number;
-use super::{MeshFormat, finite, malformed, or_zero};
+use super::{MeshFormat, add_vertex, malformed, or_zero};
 use crate::mesh::{MeshError, Model, ModelBuilder, NO_VALUE, Position};
 use plumbline_num::run::Run;
 
@@ -143,8 +143,7 @@ fn vertex(content: &mut Content<'_>, variant: Variant, builder: &mut ModelBuilde
             format!("{} has {count} numbers; a vertex of this file has at least {least}", shown(text)),
         ));
     }
-    let at = builder.positions.len();
-    builder.positions.push(finite(MeshFormat::Off, || Position::Line(line), at, [values[0], values[1], values[2]])?);
+    add_vertex(builder, MeshFormat::Off, || Position::Line(line), [values[0], values[1], values[2]]);
     let mut next = 3;
     if variant.normals {
         builder.normals.values.push([values[3], values[4], values[5]].map(or_zero));
@@ -153,7 +152,7 @@ fn vertex(content: &mut Content<'_>, variant: Variant, builder: &mut ModelBuilde
     let left = count - least;
     if left >= 3 {
         let alpha = if left > 3 { values[next + 3] } else { f64::NAN };
-        builder.colors.resize(at, [1.0; 4]);
+        builder.colors.resize(builder.positions.len() - 1, [1.0; 4]);
         builder.colors.push([values[next], values[next + 1], values[next + 2], alpha].map(|c| c as f32));
         next += left.min(4);
     }

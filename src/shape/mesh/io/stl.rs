@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::text::{Words, shown};
 use super::write::{Number, one_line};
-use super::{MeshFormat, finite, malformed};
+use super::{MeshFormat, add_vertex, malformed};
 use crate::mesh::{Group, MeshError, Model, ModelBuilder, NO_VALUE, Position, TriMesh};
 use plumbline_num::run::Run;
 
@@ -61,7 +61,7 @@ fn read_binary(bytes: &[u8], run: &Run) -> Result<ModelBuilder, MeshError> {
             };
             let position = || Position::Byte(HEADER + t * FACET + at);
             let xyz = [coordinate(0), coordinate(1), coordinate(2)];
-            builder.positions.push(finite(MeshFormat::Stl, position, 3 * t + k, xyz)?);
+            add_vertex(&mut builder, MeshFormat::Stl, position, xyz);
         }
         let first = 3 * t as u32;
         builder.face(&[first, first + 1, first + 2], NO_VALUE, NO_VALUE);
@@ -108,8 +108,7 @@ fn facet(words: &mut Words<'_>, builder: &mut ModelBuilder, group: u32) -> Resul
         for value in &mut xyz {
             *value = words.number("a coordinate")?;
         }
-        let vertex = builder.positions.len();
-        builder.positions.push(finite(MeshFormat::Stl, || words.position(), vertex, xyz)?);
+        add_vertex(builder, MeshFormat::Stl, || words.position(), xyz);
     }
     expect(words, "endloop")?;
     expect(words, "endfacet")?;

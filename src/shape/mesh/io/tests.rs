@@ -1,3 +1,4 @@
+use std::fmt::Write as _;
 use std::path::Path;
 
 use super::*;
@@ -53,6 +54,44 @@ fn variants_of_off_are_read() {
     assert_eq!(full.warnings(), ["colors of faces are left out (1)"]);
     let bytes = off("COFF\n3 1 0\n0 0 0 255 0 51\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2\n").expect("valid");
     assert_eq!(bytes.colors().expect("valid")[0], [1.0, 0.0, 0.2, 1.0]);
+}
+
+/// A mesh as OFF; `broken` vertices have no numbers.
+fn off_of(mesh: &TriMesh, broken: &[usize]) -> String {
+    let mut text = format!("OFF\n{} {} 0\n", mesh.vertex_count(), mesh.triangle_count());
+    for (v, p) in mesh.positions().iter().enumerate() {
+        let _ =
+            if broken.contains(&v) { writeln!(text, "0 nan inf") } else { writeln!(text, "{} {} {}", p.x, p.y, p.z) };
+    }
+    for [a, b, c] in mesh.triangles() {
+        let _ = writeln!(text, "3 {a} {b} {c}");
+    }
+    text
+}
+
+#[test]
+fn vertices_that_are_not_finite_are_mended_on_request() {
+    let limits = ReadLimits { mend_vertices: true, ..ReadLimits::default() };
+    let mended = |text: &str| decode_model(text.as_bytes(), MeshFormat::Off, None, &limits, &Run::default());
+    let ball = icosphere(3);
+    let [a, b, c] = ball.triangles()[100].map(|v| v as usize);
+    let broken = [a, b, c, 7];
+    let model = mended(&off_of(&ball, &broken)).expect("mended");
+    assert_eq!(model.mesh().triangles(), ball.triangles());
+    let edge = nalgebra::distance(&ball.positions()[a], &ball.positions()[b]);
+    for (v, (p, q)) in model.mesh().positions().iter().zip(ball.positions()).enumerate() {
+        let reach = if broken.contains(&v) { 0.5 * edge } else { 0.0 };
+        assert!(nalgebra::distance(p, q) <= reach, "vertex {v}: {p} for {q}");
+    }
+    let first = broken.iter().min().expect("four");
+    let told = format!("are set to the mean of their neighbors: 4, the first of them {first} (numbered from 0)");
+    assert!(model.warnings().iter().any(|w| w.ends_with(&told)), "{:?}", model.warnings());
+    assert_eq!(mended(&off_of(&ball, &[])).expect("whole").mesh(), &ball);
+    // Of no face, or with no whole vertex around.
+    let apart = mended("OFF\n4 1 0\n0 0 0\n3 0 0\n0 3 0\nnan 0 0\n3 0 1 2\n").expect("mended");
+    assert_eq!(apart.mesh().positions()[3].coords.as_slice(), [1.0, 1.0, 0.0]);
+    let lost = mended("OFF\n3 1 0\nnan 0 0\n3 0 inf\n0 nan 0\n3 0 1 2\n").expect_err("nothing to go by");
+    assert!(lost.to_string().contains("vertex 0 (numbered from 0) has a coordinate that is not finite"), "{lost}");
 }
 
 #[test]

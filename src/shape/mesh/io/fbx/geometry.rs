@@ -125,12 +125,8 @@ fn vertices(
     reader.limits.check("number of vertices", first + points.len())?;
     for (k, &xyz) in points.iter().enumerate() {
         let p = placement.matrix.transform_point(&Point3::from(xyz));
-        if !p.iter().all(|x| x.is_finite()) {
-            let [x, y, z] = xyz;
-            let told = MeshError::NotFinite { vertex: k, x, y, z };
-            return Err(document.fault(geometry, told));
-        }
-        builder.positions.push(p);
+        let [x, y, z] = xyz;
+        builder.vertex(p, |_| document.fault(geometry, MeshError::NotFinite { vertex: k, x, y, z }));
     }
     Ok(points.len())
 }

@@ -206,7 +206,7 @@ impl Scene<'_> {
         for (k, xyz) in positions.rows::<3>().enumerate() {
             let p = matrix.transform_point(&Point3::from(xyz));
             let at = || crate::mesh::Position::Json(format!("/accessors/{position}, item {k}"));
-            builder.positions.push(super::super::finite(super::MeshFormat::Gltf, at, first + k, p.coords.into())?);
+            super::super::add_vertex(builder, super::MeshFormat::Gltf, at, p.coords.into());
         }
         // Normals, texture coordinates and colors are indexed by vertex; zeros pad primitives without them, unreferenced.
         // v is flipped: glTF has its origin at the top, [`Model`](crate::mesh::Model) at the bottom.

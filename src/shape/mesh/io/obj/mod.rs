@@ -12,7 +12,7 @@ mod write;
 use std::collections::BTreeMap;
 
 use super::text::{Lines, number, shown, words};
-use super::{MeshFormat, finite, malformed, or_zero};
+use super::{MeshFormat, add_vertex, malformed, or_zero};
 use crate::mesh::{Group, MeshError, ModelBuilder, NO_VALUE, Position};
 use plumbline_num::run::Run;
 
@@ -135,8 +135,7 @@ impl Reader {
         }
         let [x, y, z, r, g, b, a] = values;
         let builder = &mut self.builder;
-        let position = finite(MeshFormat::Obj, || Position::Line(line), builder.positions.len(), [x, y, z])?;
-        builder.positions.push(position);
+        add_vertex(builder, MeshFormat::Obj, || Position::Line(line), [x, y, z]);
         self.colored |= count >= 6;
         let color = if count >= 6 { [r, g, b, if count == 7 { a } else { 1.0 }] } else { [1.0; 4] };
         // Colors are rare: store none until the first one.

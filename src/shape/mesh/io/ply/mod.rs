@@ -12,7 +12,7 @@ mod header;
 mod write;
 
 use super::scalar::Scalar;
-use super::{MeshFormat, finite, malformed, or_zero, triangles_of_strip};
+use super::{MeshFormat, add_vertex, malformed, or_zero, triangles_of_strip};
 use crate::mesh::{MeshError, ModelBuilder, NO_VALUE, Position};
 use body::Body;
 use header::{Element, Header, Property, Shape};
@@ -119,7 +119,7 @@ fn read_vertices(
                 Slot::None => {}
             }
         }
-        builder.positions.push(finite(MeshFormat::Ply, || at, builder.positions.len(), xyz)?);
+        add_vertex(builder, MeshFormat::Ply, || at, xyz);
         if normals {
             builder.normals.values.push(normal.map(or_zero));
         }
