@@ -7,7 +7,8 @@ fn model(text: &str) -> Model {
 }
 
 fn fault_of(text: &str) -> String {
-    read(text.as_bytes(), &Run::default()).map(|_| ()).expect_err("to be refused").to_string()
+    let read = read(text.as_bytes(), &Run::default()).and_then(ModelBuilder::finish);
+    read.expect_err("to be refused").to_string()
 }
 
 const FULL: &str = "mtllib a.mtl\no box\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1e-7\nvt 0 0\nvt 1 0.25\nvn 0 0 1\n\
