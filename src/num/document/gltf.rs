@@ -29,6 +29,8 @@ pub struct GltfBuffer {
     bytes: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
+    /// A number was not finite.
+    is_beyond: bool,
 }
 
 impl GltfBuffer {
@@ -51,8 +53,10 @@ impl GltfBuffer {
         self.accessors.len() - 1
     }
 
-    /// Appends values of 32-bit floats; the number of their accessor.
+    /// Appends values of 32-bit floats; the number of their accessor. The format has no numbers that are not finite (section 3.6.2.2): with
+    /// one of them [`Self::write`] fails.
     pub fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str, target: Option<u32>) -> usize {
+        self.is_beyond |= !values.iter().flatten().all(|x| x.is_finite());
         let bytes: Vec<u8> = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
         self.accessor(&bytes, FLOAT, values.len(), kind, target)
     }
@@ -71,8 +75,11 @@ impl GltfBuffer {
     /// Writes the file: `document` and this buffer. Empty lists are left out, as the format demands.
     ///
     /// # Errors
-    /// Those of `out`; a binary file beyond 4 GiB.
+    /// Those of `out`; a number that is not finite; a binary file beyond 4 GiB.
     pub fn write(self, mut document: Map<String, Value>, binary: bool, out: &mut impl Write) -> io::Result<()> {
+        if self.is_beyond {
+            return Err(io::Error::other(format!("glTF holds numbers up to {:e}, and some are larger", f32::MAX)));
+        }
         if !self.bytes.is_empty() {
             let mut buffer = json!({ "byteLength": self.bytes.len() });
             if !binary {
@@ -110,6 +117,17 @@ impl GltfBuffer {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_that_are_not_finite_are_not_written() {
+        let mut buffer = GltfBuffer::default();
+        buffer.floats(&[[f32::MAX]], "SCALAR", None);
+        assert!(buffer.clone().write(Map::new(), false, &mut Vec::new()).is_ok());
+        buffer.bounded(&[[0.0, f32::INFINITY]], "VEC2", None);
+        let mut out = Vec::new();
+        let refused = buffer.write(Map::new(), true, &mut out).expect_err("too large");
+        assert!(refused.to_string().contains("3.4028235e38") && out.is_empty(), "{refused}");
+    }
 
     #[test]
     fn both_containers_hold_the_same_document_and_the_binary_one_its_buffer() {
