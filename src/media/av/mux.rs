@@ -47,7 +47,7 @@ impl OutputFormat {
     /// The encoder of text subtitles that the container takes, where it takes any.
     pub(crate) fn subtitle_encoder(self) -> Option<&'static str> {
         match self.name().as_str() {
-            _ if self.is_mp4() => Some("mov_text"),
+            "mp4" | "mov" | "ipod" => Some("mov_text"),
             "matroska" => Some("srt"),
             "webm" => Some("webvtt"),
             _ => None,
@@ -58,35 +58,33 @@ impl OutputFormat {
     ///
     /// A header of MP4 is read back, too: FFmpeg writes there what it then refuses the whole file for, such as a damaged description of AAC.
     pub(crate) fn accepts(self, stream: StreamRef<'_>) -> bool {
-        let trial = |options| -> Result<Muxer, AvError> {
-            let mut muxer = Muxer::in_memory(self)?;
-            muxer.add_copy(stream)?;
-            muxer.write_header(options)?;
-            Ok(muxer)
-        };
-        if !stream.codec_known() || trial(Dictionary::new()).is_err() {
+        if !stream.codec_known() || self.header_of(&[stream], Dictionary::new()).is_err() {
             return false;
         }
         let Some(reader) = InputFormat::named(c"mov").filter(|_| self.is_mp4()) else { return true };
-        // What all packets are described by comes first in a file of fragments. Some codecs are described by their packets: no header then.
-        let header = trial(Dictionary::new().with("movflags", "+empty_moov"));
-        header.map_or(true, |mut muxer| Demuxer::opens(muxer.take_bytes(), reader))
-    }
-
-    /// MP4 and the formats that are built like it.
-    fn is_mp4(self) -> bool {
-        matches!(self.name().as_str(), "mp4" | "mov" | "ipod")
+        // A file of fragments has the descriptions first, before any packet. FFmpeg makes those of some codecs of packets: then it has no header.
+        let header = self.header_of(&[stream], Dictionary::new().with("movflags", "+empty_moov"));
+        header.map_or(true, |bytes| Demuxer::opens(bytes, reader))
     }
 
     /// Whether the container can hold `stream` beside another video.
     pub(crate) fn accepts_as_second(self, stream: StreamRef<'_>) -> bool {
-        let trial = || -> Result<(), AvError> {
-            let mut muxer = Muxer::in_memory(self)?;
-            muxer.add_copy(stream)?;
-            muxer.add_copy(stream)?;
-            muxer.write_header(Dictionary::new())
-        };
-        trial().is_ok()
+        self.header_of(&[stream, stream], Dictionary::new()).is_ok()
+    }
+
+    /// The header of a file of copies of these streams.
+    fn header_of(self, streams: &[StreamRef<'_>], options: Dictionary) -> Result<Vec<u8>, AvError> {
+        let mut muxer = Muxer::in_memory(self)?;
+        for stream in streams {
+            muxer.add_copy(*stream)?;
+        }
+        muxer.write_header(options)?;
+        Ok(muxer.take_bytes())
+    }
+
+    /// MP4 and the formats that are built like it, which one reader reads.
+    fn is_mp4(self) -> bool {
+        matches!(self.name().as_str(), "mp4" | "mov" | "ipod" | "3gp" | "3g2" | "psp" | "f4v")
     }
 }
 
