@@ -116,14 +116,14 @@ pub(super) fn extract(
     let mut complex = Complex::new(fine.positions().to_vec(), fine.triangles().to_vec());
     if complex.alive_count() > MAX_BALLS {
         reduction::reduce(&mut complex, MAX_BALLS, &pinned, &|_| MIN_EDGE_SIZE, run)?;
-    }
-    let left = complex.alive_count();
-    if left > MAX_BALLS {
-        return Err(CharacterError::Input(format!(
-            "a component of {} triangles cannot be simplified to fewer than {left} vertices, and at most {MAX_BALLS} can be contracted: too \
-             many of its triangles meet at vertices without forming a surface; remesh it, or leave it out",
-            part.mesh.triangle_count()
-        )));
+        let left = complex.alive_count();
+        if left > MAX_BALLS {
+            return Err(CharacterError::Input(format!(
+                "a component of {} triangles cannot be simplified to fewer than {left} vertices, and at most {MAX_BALLS} can be contracted: \
+                 too many of its triangles meet at vertices without forming a surface; remesh it, or leave it out",
+                part.mesh.triangle_count()
+            )));
+        }
     }
     let balls = balls_of(&complex, &normals, run)?;
     reduction::reduce(

@@ -24,7 +24,7 @@ use plumbline_num::run::{Run, Stopped};
 /// Number of chords across a branch. With four, `male` gets an end more on one side.
 const CHORDS: usize = 8;
 /// Number of covered branches of which one goes at a time: of more, the most covered ones go together. Figures have fewer; a ball of
-/// five thousand spikes would compare every branch with every node thousands of times.
+/// five thousand spikes would go over all branches thousands of times.
 const BRANCHES_PER_BATCH: usize = 64;
 /// Number of comparisons of a branch with a node after which all covered branches go together: about ten seconds.
 const MAX_COMPARISONS: usize = 1_000_000_000;
@@ -45,37 +45,13 @@ pub(super) fn prune(
     run: &Run,
 ) -> Result<(), Stopped> {
     let mut shape = Shape::new(graph, tree, radii);
-    let mut is_own = vec![false; graph.nodes.len()];
-    // Nodes with balls that hold each node, as found last. A node that no other branch holds stays outside, since others only go.
-    let mut holders: Vec<Option<u32>> = vec![None; graph.nodes.len()];
-    let mut is_outside = vec![false; graph.nodes.len()];
-    let mut left = MAX_COMPARISONS;
+    let mut rest = Rest::new(graph, radii);
     loop {
         let mut short: Vec<(Cost, Branch)> = Vec::new();
         for branch in graph.limbs() {
             run.check()?;
-            let own = &branch[1..];
-            for v in own {
-                is_own[*v as usize] = true;
-            }
-            let mut outside = 0;
-            for v in own.iter().rev() {
-                let holds = |u: &u32| !is_own[*u as usize] && graph.length(*u, *v) < radii[*u as usize];
-                let holder = &mut holders[*v as usize];
-                if !is_outside[*v as usize] && !holder.is_some_and(|u| graph.is_alive(u) && holds(&u)) {
-                    *holder = graph.alive().find(holds);
-                    is_outside[*v as usize] = holder.is_none();
-                    left = left.saturating_sub(graph.nodes.len());
-                }
-                if !is_outside[*v as usize] {
-                    break;
-                }
-                outside += 1;
-            }
+            let outside = rest.nodes_outside(graph, &branch[1..]);
             let persistence = shape.persistence(graph, &branch, branch.len() - outside, least);
-            for v in own {
-                is_own[*v as usize] = false;
-            }
             if persistence < least {
                 short.push((Cost::new(persistence), branch));
             }
@@ -83,7 +59,7 @@ pub(super) fn prune(
         if short.is_empty() {
             return Ok(());
         }
-        let batch = if left == 0 { short.len() } else { (short.len() / BRANCHES_PER_BATCH).max(1) };
+        let batch = if rest.comparisons_left == 0 { short.len() } else { (short.len() / BRANCHES_PER_BATCH).max(1) };
         short.sort_by_key(|(persistence, _)| *persistence);
         // A junction that lost a branch may be none any more, and its other branch is now a part of a longer one.
         let mut touched = std::collections::HashSet::new();
@@ -92,6 +68,49 @@ pub(super) fn prune(
                 graph.remove_branch(&branch);
             }
         }
+    }
+}
+
+/// What the nodes of a branch are compared with: the balls of all other branches.
+struct Rest<'a> {
+    radii: &'a [f64],
+    /// Nodes of the branch at work.
+    is_own: Vec<bool>,
+    /// A node whose ball holds each node, as found last.
+    holder: Vec<Option<u32>>,
+    /// Nodes that no ball of the rest holds: they stay so, since branches only go.
+    is_outside: Vec<bool>,
+    comparisons_left: usize,
+}
+
+impl<'a> Rest<'a> {
+    fn new(graph: &CurveGraph, radii: &'a [f64]) -> Self {
+        let count = graph.nodes.len();
+        let (is_own, holder, is_outside) = (vec![false; count], vec![None; count], vec![false; count]);
+        Self { radii, is_own, holder, is_outside, comparisons_left: MAX_COMPARISONS }
+    }
+
+    /// Number of nodes at the end of a branch, from its second node on, before the first one that the rest holds.
+    fn nodes_outside(&mut self, graph: &CurveGraph, own: &[u32]) -> usize {
+        for v in own {
+            self.is_own[*v as usize] = true;
+        }
+        let outside = own.iter().rev().take_while(|v| self.is_outside(graph, **v)).count();
+        for v in own {
+            self.is_own[*v as usize] = false;
+        }
+        outside
+    }
+
+    fn is_outside(&mut self, graph: &CurveGraph, v: u32) -> bool {
+        let holds = |u: &u32| !self.is_own[*u as usize] && graph.length(*u, v) < self.radii[*u as usize];
+        let node = v as usize;
+        if !self.is_outside[node] && !self.holder[node].is_some_and(|u| graph.is_alive(u) && holds(&u)) {
+            self.holder[node] = graph.alive().find(holds);
+            self.is_outside[node] = self.holder[node].is_none();
+            self.comparisons_left = self.comparisons_left.saturating_sub(graph.nodes.len());
+        }
+        self.is_outside[node]
     }
 }
 
