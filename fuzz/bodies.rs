@@ -182,12 +182,16 @@ pub fn still_file(bytes: &[u8]) {
     }
 }
 
+/// Small files; vertices of every second one are mended.
+fn limits(bytes: &[u8]) -> ReadLimits {
+    let mend_vertices = bytes.len().is_multiple_of(2);
+    ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12, mend_vertices, ..ReadLimits::default() }
+}
+
 /// Any bytes as a mesh file: read or refused without a panic. What was read can be repaired, and written in every format that
 /// can hold it and read again.
 fn mesh_file(bytes: &[u8], format: MeshFormat) {
-    let mend_vertices = bytes.len().is_multiple_of(2);
-    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12, mend_vertices, ..ReadLimits::default() };
-    let Ok(model) = decode_model(bytes, format, None, &limits, &Run::default()) else { return };
+    let Ok(model) = decode_model(bytes, format, None, &limits(bytes), &Run::default()) else { return };
     for weld in [Weld::Exact, Weld::Within(1e-3)] {
         let options = RepairOptions { weld, ..RepairOptions::default() };
         let repaired = repair(model.mesh(), &options, &Run::default()).expect("a run that never stops");
@@ -244,9 +248,7 @@ pub fn gltf_file(bytes: &[u8]) {
 
 /// Any bytes as a character of a mesh format: refused or read without a panic; what was read can be posed and written.
 fn character_file(bytes: &[u8], format: MeshFormat) {
-    let mend_vertices = bytes.len().is_multiple_of(2);
-    let limits = ReadLimits { max_bytes: 1 << 20, max_elements: 1 << 12, mend_vertices, ..ReadLimits::default() };
-    let Ok(model) = decode_model(bytes, format, None, &limits, &Run::default()) else { return };
+    let Ok(model) = decode_model(bytes, format, None, &limits(bytes), &Run::default()) else { return };
     let Ok(character) = character_of(&model) else { return };
     for clip in &character.clips {
         for time in [-1.0, 0.0, 0.3, 1e9] {

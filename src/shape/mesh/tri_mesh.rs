@@ -151,9 +151,13 @@ impl TriMesh {
     }
 }
 
+pub(super) fn is_finite(position: &Point3<f64>) -> bool {
+    position.iter().all(|c| c.is_finite())
+}
+
 /// Rejects NaN and infinite coordinates; the error has the first such vertex.
 fn check_finite(positions: &[Point3<f64>]) -> Result<(), MeshError> {
-    match positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
+    match positions.iter().position(|p| !is_finite(p)) {
         None => Ok(()),
         Some(vertex) => {
             let [x, y, z] = positions[vertex].coords.into();

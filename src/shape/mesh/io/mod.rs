@@ -1,8 +1,8 @@
 //! Mesh files: OBJ, PLY, OFF, STL, glTF and GLB read and written, Medit `.mesh` and binary FBX read.
 //!
-//! Readers validate counts, indices and finite positions strictly (unless [`ReadLimits::mend_vertices`]) and report the position of a fault in the file; ignored
-//! contents are listed in [`Model::warnings`]. Counts in a header are checked against the file size before allocation. The
-//! format is detected by content first, then by the file name extension.
+//! Readers validate counts, indices and finite positions strictly (unless [`ReadLimits::mend_vertices`]) and report the position
+//! of a fault in the file; ignored contents are listed in [`Model::warnings`]. Counts in a header are checked against the file
+//! size before allocation. The format is detected by content first, then by the file name extension.
 
 mod detect;
 mod fbx;

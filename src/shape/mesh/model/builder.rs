@@ -3,10 +3,12 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 use super::articulation::Articulation;
+use super::mending::mend;
 use super::{CornerData, Faces, GltfAssets, Group, Labels, Material, Model, NO_VALUE};
+use crate::mesh::tri_mesh::is_finite;
 use crate::mesh::{MeshError, TriMesh};
 
 /// Maximum sum of the lengths of all group names, bytes: a hundred thousand long names.
@@ -57,52 +59,17 @@ impl ModelBuilder {
         self.positions.push(position);
     }
 
-    /// Sets each vertex that is not finite to the mean of its neighbors along edges, from the finite ones inward, or to the mean of all
-    /// vertices if no edge leads to a finite one, and adds a warning. Without any finite vertex nothing changes.
+    /// Mends vertices that are not finite, as far as there is a finite one, and adds a warning.
     pub(crate) fn mend_vertices(&mut self) {
         if self.not_finite.is_none() {
             return;
         }
-        let mut placed: Vec<bool> = self.positions.iter().map(is_finite).collect();
-        let mean_of = |all: &[Point3<f64>]| {
-            let share = 1.0 / all.len() as f64;
-            (!all.is_empty()).then(|| Point3::from(all.iter().map(|p| p.coords * share).sum::<Vector3<f64>>()))
-        };
-        let broken: Vec<u32> = (0..placed.len() as u32).filter(|v| !placed[*v as usize]).collect();
-        let whole: Vec<_> = self.positions.iter().copied().filter(is_finite).collect();
-        let (Some(first), Some(middle)) = (broken.first(), mean_of(&whole)) else { return };
-        let mut around: HashMap<u32, Vec<u32>> = broken.iter().map(|v| (*v, Vec::new())).collect();
-        for face in self.faces.iter() {
-            for (v, next) in face.iter().zip(face.iter().cycle().skip(1)) {
-                for (v, u) in [(v, next), (next, v)] {
-                    if let Some(neighbors) = around.get_mut(v).filter(|_| (*u as usize) < placed.len()) {
-                        neighbors.push(*u);
-                    }
-                }
-            }
-        }
-        let mut layer = broken.clone();
-        while !layer.is_empty() {
-            let place = |v: &u32| {
-                let known = around[v].iter().filter(|u| placed[**u as usize]);
-                Some((*v, mean_of(&known.map(|u| self.positions[*u as usize]).collect::<Vec<_>>())?))
-            };
-            let places: Vec<_> = layer.iter().filter_map(place).collect();
-            for (v, position) in &places {
-                (self.positions[*v as usize], placed[*v as usize]) = (*position, true);
-            }
-            layer = places.iter().flat_map(|(v, _)| &around[v]).copied().filter(|u| !placed[*u as usize]).collect();
-            layer.sort_unstable();
-            layer.dedup();
-        }
-        for v in broken.iter().filter(|v| !placed[**v as usize]) {
-            self.positions[*v as usize] = middle;
-        }
-        self.warnings.push(format!(
-            "vertices with coordinates that are not finite are set to the mean of their neighbors: {}, the first of them {first} (numbered from 0)",
-            broken.len()
-        ));
+        let Some((first, count)) = mend(&mut self.positions, &self.faces) else { return };
         self.not_finite = None;
+        self.warnings.push(format!(
+            "vertices with coordinates that are not finite are set to the mean of their neighbors: {count}, the first of them {first} \
+             (numbered from 0)"
+        ));
     }
 
     /// Index of a group, added if it is new.
@@ -143,8 +110,8 @@ impl ModelBuilder {
     /// Validates the contents, triangulates the polygons and drops unused labels.
     ///
     /// # Errors
-    /// That of a vertex that is not finite, those of [`TriMesh::new`] and of [`Model::with_articulation`], [`MeshError::TooLarge`] for more corners than a 32-bit
-    /// index can address.
+    /// That of a vertex that is not finite, those of [`TriMesh::new`] and of [`Model::with_articulation`], [`MeshError::TooLarge`] for more
+    /// corners than a 32-bit index can address.
     pub fn finish(mut self) -> Result<Model, MeshError> {
         if let Some(fault) = self.not_finite {
             return Err(fault);
@@ -187,10 +154,6 @@ impl ModelBuilder {
             faces: self.faces,
         })
     }
-}
-
-fn is_finite(position: &Point3<f64>) -> bool {
-    position.iter().all(|c| c.is_finite())
 }
 
 /// The first face with a vertex index out of range, and that index.

@@ -9,6 +9,7 @@ mod builder;
 mod coordinates;
 mod corner_data;
 mod faces;
+mod mending;
 mod normals;
 
 use std::sync::Arc;
