@@ -155,18 +155,14 @@ impl CurveGraph {
         self.alive().filter(|v| self.degree(*v) == 1 && !self.pinned[*v as usize]).collect()
     }
 
-    /// Branches from a junction to an unpinned end.
-    pub(super) fn limbs(&self) -> impl Iterator<Item = Branch> {
-        let from_junction = |mut branch: Branch| {
-            if self.degree(branch[0]) == 1 {
-                branch.reverse();
-            }
-            branch
-        };
-        self.branches().into_iter().map(from_junction).filter(|branch| {
-            let (junction, end) = (branch[0], branch[branch.len() - 1]);
-            self.degree(end) == 1 && self.degree(junction) >= 3 && !self.pinned[end as usize]
-        })
+    /// The branch from a junction to an unpinned end; none if the node is no such end.
+    pub(super) fn limb(&self, end: u32) -> Option<Branch> {
+        if !self.is_alive(end) || self.degree(end) != 1 || self.pinned[end as usize] {
+            return None;
+        }
+        let mut branch = self.row_back(end, f64::INFINITY);
+        branch.reverse();
+        (self.degree(branch[0]) >= 3).then_some(branch)
     }
 
     /// Merges a chain of nodes into its first.

@@ -14,20 +14,18 @@
 //! The same holds for the end of a branch, which may turn aside into a corner: its last part that is too short for a limb goes, back to the
 //! first node whose ball contains some of it. From there it is extended straight (`tips.rs`).
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 use nalgebra::Vector3;
 
 use super::aabb::AabbTree;
-use super::curve_graph::{Branch, CurveGraph};
+use super::curve_graph::CurveGraph;
 use super::order::Cost;
 use plumbline_num::run::{Run, Stopped};
 
 /// Number of chords across a branch. With four, `male` gets an end more on one side.
 const CHORDS: usize = 8;
-/// Number of covered branches of which one goes at a time: of more, the most covered ones go together. Figures have fewer; a ball of
-/// five thousand spikes would go over all branches thousands of times.
-const BRANCHES_PER_BATCH: usize = 64;
-/// Number of comparisons of a branch with a node after which all covered branches go together: about ten seconds.
-const MAX_COMPARISONS: usize = 1_000_000_000;
 
 /// The shape about a curve: the radii of its balls, and the half-widths that are known.
 struct Shape<'a> {
@@ -46,29 +44,24 @@ pub(super) fn prune(
 ) -> Result<(), Stopped> {
     let mut shape = Shape::new(graph, tree, radii);
     let mut rest = Rest::new(graph, radii);
-    loop {
-        let mut short: Vec<(Cost, Branch)> = Vec::new();
-        for branch in graph.limbs() {
-            run.check()?;
-            let outside = rest.nodes_outside(graph, &branch[1..]);
-            let persistence = shape.persistence(graph, &branch, branch.len() - outside, least);
-            if persistence < least {
-                short.push((Cost::new(persistence), branch));
-            }
+    // Persistence only grows as other branches go, since the rest then holds less of a branch: what is known of it is a
+    // lower bound, and the least bound is computed anew before its branch goes.
+    let mut bounds: BinaryHeap<_> = graph.free_ends().into_iter().map(|end| Reverse((Cost::new(0.0), end))).collect();
+    while let Some(Reverse((bound, end))) = bounds.pop() {
+        run.check()?;
+        let Some(branch) = graph.limb(end) else { continue };
+        let outside = rest.nodes_outside(graph, &branch[1..]);
+        let persistence = shape.persistence(graph, &branch, branch.len() - outside, least);
+        if persistence >= least {
+            continue;
         }
-        if short.is_empty() {
-            return Ok(());
-        }
-        let batch = if rest.comparisons_left == 0 { short.len() } else { (short.len() / BRANCHES_PER_BATCH).max(1) };
-        short.sort_by_key(|(persistence, _)| *persistence);
-        // A junction that lost a branch may be none any more, and its other branch is now a part of a longer one.
-        let mut touched = std::collections::HashSet::new();
-        for (_, branch) in short.into_iter().take(batch) {
-            if touched.insert(branch[0]) {
-                graph.remove_branch(&branch);
-            }
+        if Cost::new(persistence) > bound {
+            bounds.push(Reverse((Cost::new(persistence), end)));
+        } else {
+            graph.remove_branch(&branch);
         }
     }
+    Ok(())
 }
 
 /// What the nodes of a branch are compared with: the balls of all other branches.
@@ -80,14 +73,12 @@ struct Rest<'a> {
     holder: Vec<Option<u32>>,
     /// Nodes that no ball of the rest holds: they stay so, since branches only go.
     is_outside: Vec<bool>,
-    comparisons_left: usize,
 }
 
 impl<'a> Rest<'a> {
     fn new(graph: &CurveGraph, radii: &'a [f64]) -> Self {
         let count = graph.nodes.len();
-        let (is_own, holder, is_outside) = (vec![false; count], vec![None; count], vec![false; count]);
-        Self { radii, is_own, holder, is_outside, comparisons_left: MAX_COMPARISONS }
+        Self { radii, is_own: vec![false; count], holder: vec![None; count], is_outside: vec![false; count] }
     }
 
     /// Number of nodes at the end of a branch, from its second node on, before the first one that the rest holds.
@@ -108,7 +99,6 @@ impl<'a> Rest<'a> {
         if !self.is_outside[node] && !self.holder[node].is_some_and(|u| graph.is_alive(u) && holds(&u)) {
             self.holder[node] = graph.alive().find(holds);
             self.is_outside[node] = self.holder[node].is_none();
-            self.comparisons_left = self.comparisons_left.saturating_sub(graph.nodes.len());
         }
         self.is_outside[node]
     }
