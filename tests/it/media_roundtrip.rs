@@ -66,6 +66,21 @@ fn the_last_frame_keeps_its_duration() {
 }
 
 #[test]
+fn the_same_work_gives_the_same_bytes() {
+    let Some(folder) = workshop() else { return };
+    let folder = folder.path();
+    let clip = make(folder, "a.mp4", &format!("{} -f lavfi -i sine -t 1 -c:v libx264 -c:a aac", pattern(25)));
+    for container in ["mkv", "mp4", "mov", "avi", "ts"] {
+        let bytes = ["one", "two"].map(|name| {
+            let result = folder.join(format!("{name}.{container}"));
+            transcode(&input(&clip), &result, &fast()).expect(container);
+            std::fs::read(&result).expect("a result")
+        });
+        assert!(bytes[0] == bytes[1], "{container}");
+    }
+}
+
+#[test]
 fn other_streams_packets_are_bit_identical() {
     let Some(folder) = workshop() else { return };
     let tone = "-f lavfi -i sine=frequency=440:duration=1.2 -f lavfi -i sine=frequency=880:duration=1.2";

@@ -261,7 +261,10 @@ impl Muxer {
     }
 
     /// Writes the header; the streams' time bases are the container's from here on.
+    ///
+    /// Without the random identifiers of Matroska and the version of FFmpeg: the same streams give the same bytes.
     pub(crate) fn write_header(&mut self, mut options: Dictionary) -> Result<(), AvError> {
+        options.set("fflags", "+bitexact");
         // SAFETY: a live context with its streams added.
         check(unsafe { ffi::avformat_write_header(self.ctx.as_ptr(), options.as_mut_ptr()) }).map(|_| ())
     }
