@@ -11,6 +11,7 @@ whose `photo` holds `fisheye_calib`, `portrait` and `retarget`. --marks holds th
 boards     fisheye checkerboards, the lens known, lines marked; valid: share of the output that the source fills;
            source: share of the source that the output shows; qc: local stretch against the sphere, 95th percentile
            ends: how far the lines run off over a tenth of their length beyond their marked ends, px, the worst
+           border: the worst of the outer edges of the border squares, alternating ones that nobody marks, px
 partial    boards with marks two points short of both ends, with every fourth line marked, and with nothing given; all of their
            lines are measured
 honest     boards under wrong lenses: what the summary reports against what all lines of the board say
@@ -65,15 +66,18 @@ def judged(a, result, size, lines=None, faces=None, camera=None, weight=None):
     r = wm.evaluate(x, y, *size, lines, faces, camera, result.get("mesh"), weight is not None, weight)
     line, mesh, face = r.get("lines", {}).get("summary", {}), r.get("mesh", {}), r.get("boxes", {}).get("summary", {})
     grid = np.stack(np.meshgrid(*((np.arange(80) + 0.5) * n / 80 - 0.5 for n in size)), -1).reshape(-1, 2)
-    ends = photo_maps.beyond_ends(wm, wm.Warp(x, y, *size), lines, camera) if lines and camera else None
+    warp, board = wm.Warp(x, y, *size), lines and camera and any(l["id"] == "row1" for l in lines)
+    ends = photo_maps.beyond_ends(wm, warp, lines, camera) if lines and camera else None
+    border = photo_maps.border_lines(wm, lines, camera) if board else None
+    border = border and wm.evaluate(x, y, *size, border, None, camera)["lines"]["summary"]["max_px"]
     return {
-        "worst px": line.get("max_px"), "ends": ends, "max/len": line.get("max_rel_mean"), "lines shown": line.get("shown_mean"),
+        "worst px": line.get("max_px"), "ends": ends, "border": border, "max/len": line.get("max_rel_mean"), "lines shown": line.get("shown_mean"),
         "qc p95": (r["shape"]["qc_ratio"] or {}).get("p95"), "qc max": (r["shape"]["qc_ratio"] or {}).get("max"),
         "face": face.get("anisotropy_max"), "faces shown": f"{face['n_measured']}/{face['n']}" if face else None,
         "folds": r["folds"].get("folded_cells"), "mesh folds": mesh.get("not_convex"),
         "ARS": r.get("ars"), "boundary": r.get("boundary", {}).get("max_px"),
         "valid": r["shape"]["valid_fraction"],
-        "source": float(np.isfinite(wm.Warp(x, y, *size).forward(grid)[:, 0]).mean()),
+        "source": float(np.isfinite(warp.forward(grid)[:, 0]).mean()),
         "out": "{}x{}".format(*r["output"]), "s": result.get("wall_s"), "cpu s": result.get("cpu_s"),
     }
 
@@ -130,7 +134,7 @@ def boards(a):
         marks = source.with_name(source.stem + "_lines.json")
         options = ["--lens", folder / "gopro_kb.json", "--lines", marks, "--faces", "off"]
         compared(a, source, camera, photo_maps.marked_lines(marks), None, options, rows, others=others)
-    columns = ["worst px", "max/len", "ends", "lines shown", "qc p95", "qc max", "folds", "mesh folds", "valid", "source", "out"]
+    columns = ["worst px", "max/len", "ends", "border", "lines shown", "qc p95", "qc max", "folds", "mesh folds", "valid", "source", "out"]
     table([r for r in rows if r[1] == "plumbline"] + summary(rows, columns[:-1]), columns)
     return rows
 
@@ -155,7 +159,7 @@ def partial(a):
                 figures["reported"] = made["report"]["worst_line_px"]
                 figures["lens"] = made["report"]["lens"]["found"]
             rows.append((source.stem, label, figures))
-    columns = ["worst px", "reported", "max/len", "lines shown", "qc p95", "mesh folds", "source"]
+    columns = ["worst px", "reported", "border", "max/len", "lines shown", "qc p95", "mesh folds", "source"]
     table(rows + summary(rows, columns), columns)
     return rows
 

@@ -122,6 +122,22 @@ def beyond_ends(metrics, warp, lines, camera, share=0.1):
     return worst
 
 
+def border_lines(metrics, lines, camera):
+    """The outer edges of a board's border squares, whose corners nobody marks: the plane through its rows and columns, one
+    square on at each side."""
+    corners = {(r, c): p for r, row in enumerate(l for l in lines if l["id"].startswith("row"))
+               for c, p in enumerate(row["points"])}
+    index = np.array(list(corners), float)
+    pixels = np.array(list(corners.values()), float)
+    rays = metrics.pixel_to_ray(camera, pixels[:, 0], pixels[:, 1])
+    plane = cv2.findHomography(index[:, ::-1], rays[:, :2] / rays[:, 2:])[0]
+    rows, columns = index.max(0).astype(int)
+    sides = {"above": [(x, -1) for x in range(-1, columns + 2)], "below": [(x, rows + 1) for x in range(-1, columns + 2)],
+             "before": [(-1, y) for y in range(-1, rows + 2)], "behind": [(columns + 1, y) for y in range(-1, rows + 2)]}
+    on = lambda side: projected(camera, np.column_stack([np.array(side, float), np.ones(len(side))]) @ plane.T)
+    return [{"id": name, "points": on(side).tolist(), "orientation": None} for name, side in sides.items()]
+
+
 def sheet(pictures, height=420, per_row=4):
     """Pictures with their labels at one height, in rows."""
     panes = []
