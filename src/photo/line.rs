@@ -52,6 +52,11 @@ pub struct Line {
 }
 
 impl Line {
+    /// The line at whatever angle suits.
+    pub(crate) fn free(&self) -> Self {
+        Self { orientation: Orientation::Free, ..self.clone() }
+    }
+
     /// Points along the line, px: from each mark to the next `pieces` steps of the image of a straight edge under `lens`; straight
     /// steps without a lens, and where it does not see both marks.
     ///

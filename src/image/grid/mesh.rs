@@ -84,6 +84,11 @@ impl Grid {
         Some(CellPoint { cell: row * self.cols + col, s: u - col as f64, t: v - row as f64 })
     }
 
+    /// The point at a position in a cell.
+    pub fn at(&self, p: CellPoint) -> Point2 {
+        Quad(self.corners(p.cell).map(|i| self.vertex(i))).at(p.s, p.t)
+    }
+
     /// The grid as a mesh that has not moved.
     pub fn to_mesh(&self) -> GridMesh {
         let vertices = (0..self.vertex_count()).map(|i| self.vertex(i)).collect();

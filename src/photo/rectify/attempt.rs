@@ -1,23 +1,30 @@
 //! What a view gives up, and in which order, where its border cannot be straight with all that is asked of its lines.
 //!
-//! A straight border shows the whole picture; a free one is cut off by the crop, with the people at it. Where the grid folds under a
-//! straight border, a free one is taken if its crop cuts no face and no body below one and shows [`MIN_SHOWN`] of the source.
-//! Otherwise the border stays straight, and what is given up is, in this order,
+//! A straight border shows the whole picture, and bends what lies near it; a free one is cut off by the crop, with the people at it.
+//! What is tried is, in this order,
 //!
-//! 1. the angles of lines that were found, not marked: a picture that was taken at a slant stays at it,
-//! 2. straightness near the border: with `d` the distance of a virtual vertex from the border of the source, its weight is multiplied
-//!    by `max((d / D)², w₀)`, `d < D`.
+//! 1. where there are lines and no people, a border that yields: a side is straight at the weight [`YIELDING`], and the crop cuts off
+//!    what it bends,
+//! 2. a straight border,
+//! 3. a free one,
+//! 4. a straight one, without straightness near it: with `d` the distance of a virtual vertex from the border of the source, its weight
+//!    is multiplied by `max((d / D)², w₀)`, `d < D`.
 //!
-//! Of all that were solved the one with the fewest cuts is taken, and of those the first that shows enough or the most.
+//! The first is taken whose grid does not fold, and whose crop cuts no face and no body below one and shows [`MIN_SHOWN`] of the source; else
+//! the one with the fewest cuts, and of those the first that shows the most.
 
+use super::solver::Folding;
 use super::sphere_grid::SphereGrid;
 use super::straight::GridLine;
-use crate::{Line, Orientation, PhotoWarp};
+use crate::PhotoWarp;
 use plumbline_camera::Lens;
 use plumbline_num::math::{Point2, PointMap};
 
 /// Part of the source that a crop shows at least, unless asked otherwise.
 pub(super) const MIN_SHOWN: f64 = 0.85;
+/// Weight of a side that yields, relative to a line's: with the default line weight of 10⁴ twice that of conformality, so that it
+/// does to shapes what they do to it, and gives way to lines and to what lies beside them.
+const YIELDING: f64 = 3e-5;
 /// Gain in the part shown for which more is given up: less is not seen.
 const MIN_GAIN: f64 = 0.02;
 /// `D`, as a fraction of the shorter side, and `w₀`: a thousandth of the line weight of 10⁴ is the weight of conformality at faces.
@@ -27,43 +34,47 @@ const MIN_FADE: f64 = 1e-3;
 /// What is asked of border and lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Attempt {
-    /// A straight border, and all lines as they are.
+    /// A border that yields, and all lines as they are.
+    Yielding,
+    /// A straight border.
     Straight,
-    /// A free border.
+    /// A free one.
     Free,
-    /// A straight border, and lines at whatever angle suits.
-    AnyAngle,
-    /// The same, and lines near the border bend.
-    Bending,
+    /// A straight border, and lines near it may bend.
+    Fading,
 }
 
 impl Attempt {
-    /// All in their order; `border`: it may be straight, `found`: the lines were.
-    pub(super) fn all(border: bool, found: bool) -> impl Iterator<Item = Self> {
+    /// All in their order; `border`: it may be straight, `yields`: there are lines and no people.
+    pub(super) fn all(border: bool, yields: bool) -> impl Iterator<Item = Self> {
         let possible = move |attempt: &Self| match attempt {
+            Self::Yielding => border && yields,
+            Self::Straight | Self::Fading => border,
             Self::Free => true,
-            Self::Straight | Self::Bending => border,
-            Self::AnyAngle => border && found,
         };
-        [Self::Straight, Self::Free, Self::AnyAngle, Self::Bending].into_iter().filter(possible)
+        [Self::Yielding, Self::Straight, Self::Free, Self::Fading].into_iter().filter(possible)
     }
 
-    /// The border is straight.
-    pub(super) fn has_border(self) -> bool {
-        self != Self::Free
+    /// Weight of the sides relative to a line's; none where the border is free.
+    pub(super) fn border(self) -> Option<f64> {
+        match self {
+            Self::Yielding => Some(YIELDING),
+            Self::Straight | Self::Fading => Some(1.0),
+            Self::Free => None,
+        }
     }
 
-    /// Lines with the orientations that are asked of them.
-    pub(super) fn oriented(self, lines: &[Line], found: bool) -> Vec<Line> {
-        let free = found && matches!(self, Self::AnyAngle | Self::Bending);
-        let of =
-            |line: &Line| Line { orientation: if free { Orientation::Free } else { line.orientation }, ..line.clone() };
-        lines.iter().map(of).collect()
+    /// What to do with folds: a border is given up where another attempt remains that cannot fold.
+    pub(super) fn folding(self) -> Folding {
+        match self {
+            Self::Yielding | Self::Straight => Folding::Refused,
+            Self::Free | Self::Fading => Folding::Held,
+        }
     }
 
     /// Lines on the grid with the weights that are asked of them.
     pub(super) fn weigh(self, lines: &mut [GridLine], lens: &Lens, sphere: &SphereGrid) {
-        if self != Self::Bending {
+        if self != Self::Fading {
             return;
         }
         let source = sphere.source(lens);

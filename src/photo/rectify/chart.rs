@@ -59,6 +59,14 @@ impl Chart {
         self.plane.project(ray_in_view).map(|s| s.coords)
     }
 
+    /// `∇φ` of the scale `e^φ` of the chart, the angle on the sphere per length in the plane.
+    pub(super) fn log_scale_gradient(&self, s: Vec2) -> Vec2 {
+        match self.plane.projection {
+            Projection::Mercator => Vec2::new(0.0, -s.y.tanh()),
+            _ => -s / (2.0 + 0.5 * s.norm_squared()),
+        }
+    }
+
     /// Unit direction of the camera at a position.
     pub(super) fn ray(&self, s: Vec2) -> Option<Vec3> {
         self.ray_in_view(s).map(|ray| self.view_from_camera.inverse() * ray)
@@ -95,6 +103,21 @@ mod tests {
             assert!(chart.at(&axis).expect("the center").norm() < 1e-12);
             let beside = view.inverse() * Vec3::new(1e-6, 0.0, 1.0);
             assert!((chart.at(&beside).expect("near it").x - 1e-6).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn the_scale_changes_as_its_gradient_says() {
+        for chart in [Chart::stereographic(Rotation3::identity()), Chart::mercator(Rotation3::identity())] {
+            let e = 1e-5;
+            let at = |s: Vec2| chart.ray(s).expect("inside");
+            let log_scale = |s: Vec2| (at(s + Vec2::new(e, 0.0)).angle(&at(s - Vec2::new(e, 0.0))) / (2.0 * e)).ln();
+            for s in [Vec2::new(0.0, 0.3), Vec2::new(1.1, -0.6), Vec2::new(-0.4, 1.3)] {
+                let step = 1e-3;
+                let slope = |d: Vec2| (log_scale(s + d) - log_scale(s - d)) / (2.0 * step);
+                let numeric = Vec2::new(slope(Vec2::new(step, 0.0)), slope(Vec2::new(0.0, step)));
+                assert!((numeric - chart.log_scale_gradient(s)).norm() < 1e-3, "{chart:?} at {s}: {numeric}");
+            }
         }
     }
 

@@ -9,8 +9,10 @@
 //! (SIGGRAPH) 28 (2009).
 
 mod attempt;
+mod bending;
 mod chart;
 mod fixed;
+mod folds;
 mod frame;
 mod notation;
 mod people;
@@ -22,10 +24,10 @@ mod weights;
 
 use nalgebra::Rotation3;
 
+pub(super) use folds::{drawn_back, with_neighbors};
 pub use frame::{Crop, OutputSize};
 pub use rectifier::Rectifier;
 pub use solver::EnergyWeights;
-pub(super) use solver::{drawn_back, with_neighbors};
 pub use sphere_grid::Window;
 
 use super::warp::PhotoWarp;
@@ -114,8 +116,7 @@ pub struct RectifyInput<'a> {
     pub lines: &'a [Line],
     /// Lines that shall not bend more than they must, source px: they are no part of the report.
     pub soft_lines: &'a [SoftLine],
-    /// The lines were found, not marked: their orientations are given up where the crop would otherwise cut people, or show
-    /// less than 85 % of the source.
+    /// The lines were found, not marked: their orientations are preferences, which yield to shapes.
     pub found: bool,
     /// Faces whose shape is preserved, source px.
     pub faces: &'a [Rect],
@@ -169,6 +170,7 @@ fn check(options: &RectifyOptions) -> Result<(), PhotoError> {
     check(aspect > 0.0 && aspect.is_finite(), "ratio of the crop", aspect, "above 0")?;
     check(w.conformality > 0.0 && w.conformality.is_finite(), "weight of conformality", w.conformality, "above 0")?;
     check((0.0..=10.0).contains(&w.smooth_length), "smooth length", w.smooth_length, "0 to 10 rad")?;
+    check((0.0..=100.0).contains(&w.bending_length), "bending length", w.bending_length, "0 to 100 rad")?;
     check((0.0..=1e8).contains(&w.straightness), "weight of lines", w.straightness, "0 to 1e8")?;
     check((0.0..=1e8).contains(&w.faces), "weight of faces", w.faces, "0 to 1e8")?;
     Ok(())

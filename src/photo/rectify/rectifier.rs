@@ -94,10 +94,10 @@ impl Rectifier {
     fn best(&mut self, lines: &[Line], run: &Run) -> Result<Solved, PhotoError> {
         let mut iterations = 0;
         let mut best: Option<(Loss, Solved)> = None;
-        for attempt in Attempt::all(self.sides.is_some(), self.found) {
-            let lines = attempt.oriented(lines, self.found);
-            let Some(sheet) = self.solve_with(&lines, attempt, &mut iterations, run)? else { continue };
-            self.solved = Some(Solved { lines, sheet, attempt, iterations });
+        let yields = self.faces.is_empty() && !lines.is_empty();
+        for attempt in Attempt::all(self.sides.is_some(), yields) {
+            let Some(sheet) = self.solve_with(lines, attempt, &mut iterations, run)? else { continue };
+            self.solved = Some(Solved { lines: self.asked(lines), sheet, attempt, iterations });
             // Without a crop, or with one that leaves no choice, nothing else is tried.
             let whole = attempt == Attempt::Straight || self.sides.is_none();
             let loss = if whole { None } else { Some(self.loss()).filter(|loss| !loss.is_none()) };
@@ -109,6 +109,11 @@ impl Rectifier {
         }
         let (_, solved) = best.expect("a free border is always solved");
         Ok(Solved { iterations, ..solved })
+    }
+
+    /// Lines as they are reported on: of those that were found no orientation is asked.
+    fn asked(&self, lines: &[Line]) -> Vec<Line> {
+        lines.iter().map(|line| if self.found { line.free() } else { line.clone() }).collect()
     }
 
     fn loss(&self) -> Loss {
@@ -126,17 +131,15 @@ impl Rectifier {
         check_count(lines)?;
         let (before, mut attempt) = (solved.sheet.clone(), solved.attempt);
         let followed = |rectifier: &mut Self, attempt: Attempt| {
-            let lines = attempt.oriented(lines, rectifier.found);
-            let on_grid = rectifier.on_grid(&lines, &rectifier.fine.sphere, 1, attempt);
-            rectifier.fine.follow(&on_grid, &before, folding(attempt), run)
+            let on_grid = rectifier.on_grid(lines, &rectifier.fine.sphere, 1, attempt);
+            rectifier.fine.follow(&on_grid, &before, attempt.folding(), run)
         };
         let (mut sheet, mut report) = followed(self, attempt)?;
-        if report.folded && folding(attempt) == Folding::Refused {
+        if report.folded && attempt.folding() == Folding::Refused {
             attempt = Attempt::Free;
             (sheet, report) = followed(self, attempt)?;
         }
-        let lines = attempt.oriented(lines, self.found);
-        self.solved = Some(Solved { lines, sheet, attempt, iterations: report.iterations });
+        self.solved = Some(Solved { lines: self.asked(lines), sheet, attempt, iterations: report.iterations });
         Ok(())
     }
 
@@ -203,22 +206,25 @@ impl Rectifier {
         let on_coarse = self.on_grid(lines, &self.coarse.sphere, 0, attempt);
         let on_fine = self.on_grid(lines, &self.fine.sphere, 1, attempt);
         let (initial, first) = self.coarse.solve(&on_coarse, None, Folding::Held, run)?;
-        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&initial)), folding(attempt), run)?;
+        let (sheet, last) = self.fine.solve(&on_fine, Some(halved(&initial)), attempt.folding(), run)?;
         *iterations += first.iterations + last.iterations;
-        Ok((folding(attempt) == Folding::Held || !last.folded).then_some(sheet))
+        Ok((attempt.folding() == Folding::Held || !last.folded).then_some(sheet))
     }
 
     /// Lines on a grid, the coarse or the fine one, preceded by the sides of the picture if they are to be straight, and followed by
     /// those that were found.
     fn on_grid(&self, lines: &[Line], sphere: &SphereGrid, grid: usize, attempt: Attempt) -> Vec<GridLine> {
-        let marked = lines.iter().filter_map(|line| GridLine::new(line, &self.lens, sphere));
+        let given = lines.iter().flat_map(|line| {
+            let (own, preferred) =
+                if self.found { (&line.free(), GridLine::preferred(line, &self.lens, sphere)) } else { (line, None) };
+            GridLine::new(own, &self.lens, sphere).into_iter().chain(preferred)
+        });
         let found = self.soft.iter().filter_map(|line| GridLine::soft(line, &self.lens, sphere));
-        let mut inner: Vec<GridLine> = marked.chain(found).collect();
+        let mut inner: Vec<GridLine> = given.chain(found).collect();
         attempt.weigh(&mut inner, &self.lens, sphere);
-        let sides = self.sides.as_ref().filter(|_| attempt.has_border());
-        let mut all = sides.map(|sides| sides[grid].clone()).unwrap_or_default();
-        all.append(&mut inner);
-        all
+        let sides = self.sides.as_ref().zip(attempt.border()).into_iter();
+        let sides = sides.flat_map(|(sides, weight)| sides[grid].iter().map(move |side| side.clone().weighted(weight)));
+        sides.chain(inner).collect()
     }
 
     /// The warp of the solved sheet, in px at the density of the source.
@@ -232,13 +238,5 @@ impl Rectifier {
         let (lens, forward_mesh) = (self.lens.clone(), mesh.clone());
         let forward = Box::new(move |p| Some(forward_mesh.at(sphere.locate(sphere.chart.at(&lens.unproject(p)?)?)?)));
         Ok(Unframed { maps, mesh, forward })
-    }
-}
-
-/// A straight border that folds is given up where another attempt remains that cannot fold.
-fn folding(attempt: Attempt) -> Folding {
-    match attempt {
-        Attempt::Straight | Attempt::AnyAngle => Folding::Refused,
-        Attempt::Free | Attempt::Bending => Folding::Held,
     }
 }

@@ -3,9 +3,10 @@
 //! Unknowns are the vertices `u_i` of a grid that is regular in a conformal chart of the viewing sphere, at `s_i` there.
 //!
 //! ```text
-//! E  = w_c E_c + w_s E_s + w_l E_l + w_f E_f + ε Σᵢ ‖u_i − (s_i − s̄)‖²
+//! E  = w_c (E_c + E_s + E_b) + w_l E_l + w_f E_f + ε Σᵢ ‖u_i − (s_i − s̄)‖²
 //! E_c = ¼ Σ_cells w² Σ_corners ‖e_v − R e_u‖²                 the two edges of a corner: equally long, at right angles
 //! E_s = (ℓ/h)² Σ ‖second differences of u‖²                   scale changes slowly; h: a cell, ℓ: a length on the sphere
+//! E_b   great circles beside lines bend little                `bending.rs`
 //! E_l   lines are straight                                    `straight.rs`
 //! E_f = Σ_faces Σₖ ‖u_k − (a t_k + b R t_k + c)‖²             a face is a similar copy of what one sees looking at it
 //! ```
@@ -27,18 +28,20 @@
 //! response to the right-hand side `R s` is subtracted. Without it the linearized lines of `straight.rs` would accept
 //! the chart rotated by 90° as straight: they do not see distances along a line.
 //!
-//! **Lines** of free orientation make `E_l` bilinear: it is linearized about the present sheet (`straight.rs`) until no
+//! **Lines** make `E_b` bilinear, and those of free orientation `E_l`: both are linearized about the present sheet until no
 //! vertex moves: three or four solves, first on cells twice as large at an eighth of the cost. The unknowns of lines
 //! (offsets) and faces (similarities) form a border of the sparse system ([`BorderedEnergy`]): its pattern is that of
 //! the grid, so that lines may come, go and move without a new analysis.
 //!
-//! **Folds.** Least squares does not exclude them. Folded cells get four times the conformality weight, continuations
-//! of lines through them are relaxed, and the grid is solved again; a grid that keeps folding is interpolated back to
+//! **Folds.** Least squares does not exclude them. Folded cells get four times the conformality weight and a quarter of that of
+//! bending, continuations of lines through them are relaxed, and the grid is solved again; a grid that keeps folding is interpolated back to
 //! the last one without folds, at worst the chart.
 //!
 //! # Reference
 //! Carroll et al. 2009, sections 4.1 to 4.4.
 
+use super::bending;
+use super::folds::{drawn_back, folds, with_neighbors};
 use super::sphere_grid::SphereGrid;
 use super::straight::GridLine;
 use super::weights::{CellWeights, FaceTarget};
@@ -65,13 +68,11 @@ const FACE_UNKNOWNS: usize = 4;
 const STEP_TOLERANCE: f64 = 0.02;
 /// Ratio of successive steps above which the iteration oscillates; the next linearization is then about the midpoint.
 const DIVERGENCE_RATIO: f64 = 0.7;
-/// Factor on the conformality of folded cells per attempt.
+/// Factor on the conformality of folded cells per attempt, and divisor of the bending at their corners.
 const FOLD_STIFFENING: f64 = 4.0;
 /// Attempts before the last grid without folds is returned: `4⁸` exceeds the ratio of the default weights of lines and
 /// conformality.
 const MAX_FOLD_ITERATIONS: usize = 8;
-/// Halvings of the step towards a folded grid: after 30 the displacement is below 10⁻⁹ of it.
-const MAX_HALVINGS: i32 = 30;
 /// Linear solves after a small change of the lines: the second removes the second-order error of the first.
 const FOLLOW_ITERATIONS: usize = 2;
 
@@ -83,6 +84,8 @@ pub struct EnergyWeights {
     pub conformality: f64,
     /// `ℓ`, rad, 0 to 10, default 0.15: length over which the scale may change. 0 lets it change from cell to cell.
     pub smooth_length: f64,
+    /// `ℓ_b`, rad, 0 to 100, default 3: length over which what lies beside lines stays straight. 0 lets it bend.
+    pub bending_length: f64,
     /// `w_l`: weight of line straightness, 0 to 1e8, default 1e4.
     pub straightness: f64,
     /// `w_f`: weight of the rigidity of faces, 0 to 1e8, default 1000.
@@ -93,7 +96,14 @@ pub struct EnergyWeights {
 
 impl Default for EnergyWeights {
     fn default() -> Self {
-        Self { conformality: 0.16, smooth_length: 0.15, straightness: 1e4, faces: 1e3, iterations: 20 }
+        Self {
+            conformality: 0.16,
+            smooth_length: 0.15,
+            bending_length: 3.0,
+            straightness: 1e4,
+            faces: 1e3,
+            iterations: 20,
+        }
     }
 }
 
@@ -108,10 +118,25 @@ pub(super) struct Sheet {
     /// Weights of the cells without the lines'.
     base: CellWeights,
     energy: BorderedEnergy,
-    /// First element of the second differences and of the regularization; those of the cells precede both.
+    first: FirstElements,
+    forms: CellForms,
+}
+
+/// First elements of the terms; those of the cells precede all.
+#[derive(Debug)]
+struct FirstElements {
     smooth: usize,
     regularization: usize,
-    forms: CellForms,
+    bending: usize,
+}
+
+/// Weights that lines and folds change.
+#[derive(Debug)]
+struct LocalWeights {
+    /// `w_c w²` of each cell.
+    cells: Vec<f64>,
+    /// `ω` of each vertex.
+    bending: Vec<f64>,
 }
 
 /// Quadratic forms over the coordinates of a cell's corners: lower triangles, row by row.
@@ -148,14 +173,14 @@ impl Sheet {
         weights: EnergyWeights,
         base: CellWeights,
     ) -> Result<Self, EnergyError> {
-        let (list, smooth, regularization) = element_list(&sphere.grid);
+        let (list, first) = element_list(&sphere.grid);
         let position = |i: usize| sphere.grid.vertex(i / 2);
         let n = 2 * sphere.grid.vertex_count();
         let ordering = Ordering::NestedDissection((0..n).map(position).map(|p| [p.x, p.y, 0.0]).collect());
         let energy = BorderedEnergy::new(n, list.iter().map(Vec::as_slice), &ordering)?;
         let count = sphere.grid.vertex_count();
         let mean = (0..count).map(|i| sphere.vertex(i)).sum::<Vec2>() / count as f64;
-        Ok(Self { sphere, mean, faces, weights, base, energy, smooth, regularization, forms: CellForms::new() })
+        Ok(Self { sphere, mean, faces, weights, base, energy, first, forms: CellForms::new() })
     }
 
     /// The vertices in the chart from their mean: the regular grid.
@@ -200,11 +225,11 @@ impl Sheet {
         run: &Run,
     ) -> Result<(GridMesh, SolveReport), EnergyError> {
         let mut lines = lines.to_vec();
-        let mut cells = self.conformality(&lines);
+        let mut local = self.local_weights(&lines);
         let mut report = SolveReport { iterations: 0, folded: false };
         for _ in 0..MAX_FOLD_ITERATIONS {
-            let found = self.straightened(&lines, &cells, &sound, max_iterations, &mut report.iterations, run)?;
-            let folded: Vec<usize> = (0..cells.len()).filter(|&cell| folds(&found.quad(cell))).collect();
+            let found = self.straightened(&lines, &local, &sound, max_iterations, &mut report.iterations, run)?;
+            let folded: Vec<usize> = (0..found.cols * found.rows).filter(|&cell| folds(&found.quad(cell))).collect();
             if folded.is_empty() {
                 return Ok((found, report));
             }
@@ -214,7 +239,7 @@ impl Sheet {
             }
             sound = drawn_back(&sound, &found);
             let touched = with_neighbors(&folded, (self.sphere.grid.cols, self.sphere.grid.rows));
-            cells.iter_mut().zip(&touched).filter(|(_, touched)| **touched).for_each(|(w, _)| *w *= FOLD_STIFFENING);
+            local.stiffen(&touched, &self.sphere.grid);
             for line in &mut lines {
                 line.relax(&touched);
             }
@@ -222,33 +247,33 @@ impl Sheet {
         Ok((sound, report))
     }
 
-    /// `w_c w²` of each cell.
-    fn conformality(&self, lines: &[GridLine]) -> Vec<f64> {
+    fn local_weights(&self, lines: &[GridLine]) -> LocalWeights {
         let weights = self.base.with_ends(&self.sphere, lines);
         let shown =
             |(w, inside): (&f64, &bool)| self.weights.conformality * if *inside { w * w } else { OUTSIDE_WEIGHT };
-        weights.0.iter().zip(&self.sphere.inside).map(shown).collect()
+        let cells = weights.0.iter().zip(&self.sphere.inside).map(shown).collect();
+        LocalWeights { cells, bending: bending::nearness(&self.sphere, lines) }
     }
 
     /// Iterates from `initial` until no vertex moves by more than [`STEP_TOLERANCE`].
     fn straightened(
         &mut self,
         lines: &[GridLine],
-        cells: &[f64],
+        local: &LocalWeights,
         initial: &GridMesh,
         max_iterations: usize,
         iterations: &mut usize,
         run: &Run,
     ) -> Result<GridMesh, EnergyError> {
         let tolerance = STEP_TOLERANCE * self.sphere.cell();
-        let free = lines.iter().any(|line| line.normal.is_none());
+        let linear = lines.iter().all(GridLine::is_side);
         let (mut mesh, mut before) = (initial.clone(), f64::INFINITY);
         for k in 0..max_iterations.max(1) {
             run.step(k as f64 / max_iterations.max(1) as f64)?;
-            let mut next = self.linearized_solve(lines, cells, &mesh, run)?;
+            let mut next = self.linearized_solve(lines, local, &mesh, run)?;
             *iterations += 1;
             let moved = mesh.vertices.iter().zip(&next.vertices).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
-            if !free || !(moved > tolerance) {
+            if linear || !(moved > tolerance) {
                 return Ok(next);
             }
             if moved > DIVERGENCE_RATIO * before {
@@ -263,7 +288,7 @@ impl Sheet {
     fn linearized_solve(
         &mut self,
         lines: &[GridLine],
-        cells: &[f64],
+        local: &LocalWeights,
         mesh: &GridMesh,
         run: &Run,
     ) -> Result<GridMesh, EnergyError> {
@@ -272,7 +297,7 @@ impl Sheet {
         let mut floors = PIVOT_FLOORS.into_iter().peekable();
         let mut found = loop {
             let floor = floors.next().unwrap_or_default();
-            self.assemble(lines, cells, mesh, floor);
+            self.assemble(lines, local, mesh, floor);
             match self.energy.minimize(run) {
                 Err(EnergyError::Solve(SparseError::Pivot { .. })) if floors.peek().is_some() => {}
                 found => break pairs(found?),
@@ -291,10 +316,11 @@ impl Sheet {
     }
 
     /// Enters the energy linearized about `mesh`.
-    fn assemble(&mut self, lines: &[GridLine], cells: &[f64], mesh: &GridMesh, floor: f64) {
+    fn assemble(&mut self, lines: &[GridLine], local: &LocalWeights, mesh: &GridMesh, floor: f64) {
         let offsets: usize = lines.iter().map(GridLine::offsets).sum();
         self.energy.clear(offsets + FACE_UNKNOWNS * self.faces.len());
-        self.add_cells(cells);
+        self.add_cells(&local.cells);
+        self.add_bends(&local.bending, mesh);
         self.add_lines(lines, mesh);
         self.add_faces(offsets);
         self.add_regularization(floor);
@@ -316,8 +342,17 @@ impl Sheet {
             form.iter_mut().zip(parts).for_each(|(form, (c, m))| *form = w * c + smooth * m);
             self.energy.add_form(cell, &form);
         }
-        for element in self.smooth..self.regularization {
+        for element in self.first.smooth..self.first.regularization {
             self.energy.add(element, smooth, &[1.0, -2.0, 1.0], 0.0);
+        }
+    }
+
+    /// `E_b`.
+    fn add_bends(&mut self, near: &[f64], mesh: &GridMesh) {
+        let scale = self.weights.conformality * (self.weights.bending_length / self.sphere.cell()).powi(2);
+        for bend in bending::bends(&self.sphere, mesh) {
+            let w = scale * near[bend.vertex] * bend.weight;
+            self.energy.add(self.first.bending + bend.star, w, &bend.coefficients, 0.0);
         }
     }
 
@@ -356,8 +391,18 @@ impl Sheet {
         self.energy.add_everywhere(floor, 0.0);
         for i in 0..self.sphere.grid.vertex_count() {
             let s = self.sphere.vertex(i) - self.mean;
-            self.energy.add(self.regularization + 2 * i, REGULARIZATION, &[1.0], s.x);
-            self.energy.add(self.regularization + 2 * i + 1, REGULARIZATION, &[1.0], s.y);
+            self.energy.add(self.first.regularization + 2 * i, REGULARIZATION, &[1.0], s.x);
+            self.energy.add(self.first.regularization + 2 * i + 1, REGULARIZATION, &[1.0], s.y);
+        }
+    }
+}
+
+impl LocalWeights {
+    /// Where cells are touched by folds shapes count more, and lines less.
+    fn stiffen(&mut self, touched: &[bool], grid: &Grid) {
+        for cell in (0..touched.len()).filter(|cell| touched[*cell]) {
+            self.cells[cell] *= FOLD_STIFFENING;
+            grid.corners(cell).into_iter().for_each(|i| self.bending[i] /= FOLD_STIFFENING);
         }
     }
 }
@@ -397,22 +442,6 @@ fn point_coefficients(a: &mut [f64], vertex: &CellPoint, x: f64, y: f64) {
     }
 }
 
-/// Which cells of a grid of `cols × rows` are among `cells` or adjacent to one of them.
-pub(crate) fn with_neighbors(cells: &[usize], (cols, rows): (usize, usize)) -> Vec<bool> {
-    let mut touched = vec![false; cols * rows];
-    for cell in cells {
-        let (i, j) = (cell % cols, cell / cols);
-        for row in j.saturating_sub(1)..(j + 2).min(rows) {
-            touched[row * cols + i.saturating_sub(1)..row * cols + (i + 2).min(cols)].fill(true);
-        }
-    }
-    touched
-}
-
-fn folds(quad: &Quad) -> bool {
-    !(quad.min_jacobian() > 0.0)
-}
-
 /// The mesh with each cell cut into four.
 pub(super) fn halved(mesh: &GridMesh) -> GridMesh {
     let (cols, rows) = (2 * mesh.cols, 2 * mesh.rows);
@@ -425,25 +454,8 @@ pub(super) fn halved(mesh: &GridMesh) -> GridMesh {
     GridMesh { cols, rows, vertices }
 }
 
-/// The mesh without folds farthest along the straight path from `sound`, which has none, to `found`, by halving the
-/// step.
-pub(crate) fn drawn_back(sound: &GridMesh, found: &GridMesh) -> GridMesh {
-    let mut mesh = sound.clone();
-    for k in 1..=MAX_HALVINGS {
-        let t = 0.5_f64.powi(k);
-        for (i, v) in mesh.vertices.iter_mut().enumerate() {
-            *v = sound.vertices[i] + t * (found.vertices[i] - sound.vertices[i]);
-        }
-        if mesh.folded_cells() == 0 {
-            return mesh;
-        }
-    }
-    sound.clone()
-}
-
-/// The unknowns of every element, each list ascending: cells, second differences, regularization; and the first element
-/// of the latter two.
-fn element_list(grid: &Grid) -> (Vec<Vec<usize>>, usize, usize) {
+/// The unknowns of every element, each list ascending: cells, second differences, regularization, bends.
+fn element_list(grid: &Grid) -> (Vec<Vec<usize>>, FirstElements) {
     let corners = |cell: usize| grid.corners(cell).into_iter().flat_map(|i| [2 * i, 2 * i + 1]);
     let mut list: Vec<Vec<usize>> = (0..grid.cell_count()).map(|cell| corners(cell).collect()).collect();
     let smooth = list.len();
@@ -459,5 +471,7 @@ fn element_list(grid: &Grid) -> (Vec<Vec<usize>>, usize, usize) {
     }
     let regularization = list.len();
     list.extend((0..2 * grid.vertex_count()).map(|i| vec![i]));
-    (list, smooth, regularization)
+    let bending = list.len();
+    list.extend(bending::stars(grid));
+    (list, FirstElements { smooth, regularization, bending })
 }

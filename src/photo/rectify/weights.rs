@@ -11,7 +11,7 @@ use super::sphere_grid::SphereGrid;
 use super::straight::GridLine;
 use plumbline_camera::{Lens, Vec3};
 use plumbline_image::Plane;
-use plumbline_image::grid::{CellPoint, Quad};
+use plumbline_image::grid::CellPoint;
 use plumbline_num::math::{Point2, PointMap, Rect, Vec2};
 
 /// Standard deviation of the Gaussian about the end of a line, as a fraction of the grid's longer side: two cells of
@@ -71,7 +71,7 @@ impl CellWeights {
         let (w, h) = grid.cell_size();
         let mut near = vec![0.0_f64; self.0.len()];
         for end in lines.iter().flat_map(GridLine::ends) {
-            let at = Quad(grid.corners(end.cell).map(|i| grid.vertex(i))).at(end.s, end.t);
+            let at = grid.at(end);
             let range = |v: f64, cell: f64, count: usize| {
                 let index = |v: f64| ((v / cell).max(0.0) as usize).min(count);
                 index(v - END_REACH * spread)..(index(v + END_REACH * spread) + 1).min(count)
