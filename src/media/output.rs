@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::av::OutputFormat;
 use super::sequence::{Pattern, muxer_pattern};
-use super::{Input, MediaError};
+use super::{Codec, Input, MediaError};
 use plumbline_num::files::{AtomicFile, IfExists, folder_of};
 
 /// A target to write.
@@ -81,6 +81,38 @@ impl Output {
             return Err(MediaError::Usage { problem });
         }
         Ok(format)
+    }
+
+    /// The codec of a target for which none was chosen: the first of [`Codec::ALL`] that the container holds, which is H.264, in WebM
+    /// AV1.
+    ///
+    /// # Example
+    /// ```
+    /// use plumbline_media::{Codec, Output};
+    ///
+    /// assert_eq!(Output::parse("steady.mp4").usual_codec(), Codec::H264);
+    /// assert_eq!(Output::parse("steady.webm").usual_codec(), Codec::Av1);
+    /// ```
+    pub fn usual_codec(&self) -> Codec {
+        let format = self.format().ok().filter(|_| !self.is_sequence());
+        let held = |codec: &Codec| format.is_none_or(|format| format.holds(*codec));
+        Codec::ALL.into_iter().find(held).unwrap_or_default()
+    }
+
+    /// Refuses a codec that the container does not hold.
+    ///
+    /// # Errors
+    /// [`MediaError::Usage`]; as [`Self::preflight`] for an unknown container.
+    pub fn check_codec(&self, codec: Codec) -> Result<(), MediaError> {
+        let format = self.format()?;
+        if self.is_sequence() || format.holds(codec) {
+            return Ok(());
+        }
+        let held = Codec::ALL.into_iter().filter(|codec| format.holds(*codec)).map(Codec::name).collect::<Vec<_>>();
+        let held = if held.is_empty() { "none that can be written".to_owned() } else { held.join(", ") };
+        let problem =
+            format!("{} holds no {} (it holds {held}); take another codec or container", format.name(), codec.name());
+        Err(MediaError::Usage { problem })
     }
 
     /// Refuses at once what writing would refuse after long work: an unknown container, a folder that cannot be written.

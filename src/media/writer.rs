@@ -353,6 +353,7 @@ fn open_encoder(
     let choices = if output.is_sequence() {
         vec![choose_still(&output.path().extension().unwrap_or_default().to_string_lossy(), video.format)?]
     } else {
+        output.check_codec(options.codec)?;
         choose(options.codec, &options.encoder, video.format)?
     };
     let mut opened = Err(MediaError::Internal { doing: "choosing an encoder".into(), reason: "none is left".into() });

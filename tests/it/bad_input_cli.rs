@@ -63,6 +63,20 @@ fn what_cannot_be_followed_passes_unchanged_and_says_so() {
 }
 
 #[test]
+fn a_result_has_the_codec_of_its_container() {
+    let Some(folder) = workshop() else { return };
+    let folder = folder.path();
+    make(folder, "a.mkv", &format!("{} -frames:v 4 -c:v ffv1 -pix_fmt yuv420p", pattern(3)));
+    for (output, codec) in [("out.mp4", "h264"), ("out.webm", "av1")] {
+        succeed(folder, &["stabilize", "a.mkv", "-o", output]);
+        assert_eq!(video_field(&folder.join(output), "codec_name"), codec);
+    }
+    let ran = plumbline_in(folder, &["stabilize", "a.mkv", "-o", "out.webm", "--codec", "h264", "--overwrite"]);
+    assert!(err(&ran).contains("webm holds no h264 (it holds av1)"), "{}", err(&ran));
+    assert_eq!(video_field(&folder.join("out.webm"), "codec_name"), "av1", "nothing is lost");
+}
+
+#[test]
 fn odd_sizes_keep_their_size() {
     let Some(folder) = workshop() else { return };
     let folder = folder.path();

@@ -121,6 +121,9 @@ fn a_writer_that_is_dropped_leaves_nothing() {
         assert!(!target.path().exists(), "nothing stands under the final name before the end");
     }
     drop(writer);
+    let webm = folder.path().join("out.webm");
+    let error = transcode(&input(&clip), &webm, &fast()).expect_err("WebM holds no H.264");
+    assert_eq!(error.to_string(), "webm holds no h264 (it holds av1); take another codec or container");
     assert_eq!(names(folder.path()), ["a.mp4"]);
 }
 

@@ -29,7 +29,7 @@ fn encode() -> impl Strategy<Value = EncodeSettings> {
     let wishes = ["software", "auto", "hardware", "libaom-av1"].map(|w| w.parse().expect("a wish"));
     (
         text(),
-        codec,
+        proptest::option::of(codec),
         proptest::sample::select(wishes.to_vec()),
         proptest::option::of(0.0..51.0f64),
         proptest::option::of(text()),

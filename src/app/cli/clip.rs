@@ -109,10 +109,10 @@ const KEPT_CONTAINERS: [&str; 4] = ["mp4", "mov", "mkv", "m4v"];
 
 /// The extension of results that are named after their clips: that of the input where its container holds the codec, else that
 /// of one that does.
-pub(super) fn clip_extension(codec: Codec, inputs: &[String]) -> &'static str {
+pub(super) fn clip_extension(codec: Option<Codec>, inputs: &[String]) -> &'static str {
     match codec {
-        Codec::Prores => "mov",
-        Codec::Ffv1 => "mkv",
+        Some(Codec::Prores) => "mov",
+        Some(Codec::Ffv1) => "mkv",
         _ if inputs.iter().all(|input| has_extension(Path::new(input), &KEPT_CONTAINERS)) => "${item.ext}",
         _ => "mp4",
     }

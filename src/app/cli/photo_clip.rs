@@ -12,7 +12,7 @@ use crate::pipeline::options::BatchSettings;
 use crate::pipeline::paths::to_path;
 use crate::pipeline::{PipelineFile, StageEntry};
 use crate::stages::{
-    Codec, DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
+    DecodeSettings, EncodeSettings, MotionSettings, RenderSettings, SmoothSettings, TrackSettings, WarpSettings,
 };
 
 /// Options that only clips have.
@@ -64,7 +64,7 @@ impl PhotoClipArgs {
             (self.length.is_given(), "--duration"),
             (decode.stream.is_some(), "--stream"),
             (decode.allow_playlist, "--allow-playlist"),
-            (encode.codec != Codec::default(), "--codec"),
+            (encode.codec.is_some(), "--codec"),
             (encode.crf.is_some(), "--crf"),
         ];
         refuse(&given, "is for clips, but the inputs are pictures")

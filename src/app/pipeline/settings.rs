@@ -192,6 +192,11 @@ fn listed_words(schema: &Json) -> Vec<&str> {
 
 /// The same, and what each word means.
 pub(crate) fn choices(property: &Json) -> Vec<(&str, Option<&str>)> {
+    // A choice that may be left out is one of its words or null.
+    let property = match property["anyOf"].as_array().map(Vec::as_slice) {
+        Some([choice, null]) if null["type"] == "null" => choice,
+        _ => property,
+    };
     let plain = listed_words(property).into_iter().map(|word| (word, None));
     let described = property["oneOf"].as_array().into_iter().flatten().flat_map(|one| {
         let about = one["description"].as_str();

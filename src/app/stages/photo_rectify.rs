@@ -35,7 +35,7 @@ pub struct PhotoRectifySettings {
     pub view: ViewAngles,
     /// Field of view of the result, degrees, such as 100,75; that of the picture if left out, and 100,75 for panoramas
     pub view_field: Option<ViewField>,
-    /// Crop: auto straightens the border where possible and takes the largest full rectangle otherwise, W:H takes the largest of this aspect ratio, rectangle the largest full rectangle, none keeps the curved border
+    /// Crop: auto shows all that a straight border can without bending what continues lines, W:H takes the largest of this aspect ratio, rectangle the largest rectangle inside a free border, none keeps the curved border
     pub crop: Crop,
     /// Size of the result: 1600x1200, 800x, x600 or 60%; if left out, pictures stay as wide as they are, and clips keep their size
     pub size: Option<PictureSize>,

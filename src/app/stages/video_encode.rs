@@ -13,8 +13,8 @@ pub struct EncodeSettings {
     /// The file to write; its extension chooses the container; an image sequence such as `out/%05d.png`, or `-` for standard output
     #[schemars(extend("format" = "path"))]
     pub path: String,
-    /// How the pictures are coded
-    pub codec: Codec,
+    /// How the pictures are coded; if left out h264, in WebM av1
+    pub codec: Option<Codec>,
     /// Which encoder: software, auto (a device where one works, else software), hardware, or FFmpeg's name of one
     pub encoder: EncoderChoice,
     /// Constant quality, 0 = best; the encoder's own default if left out
@@ -29,14 +29,23 @@ pub struct EncodeSettings {
 }
 
 impl EncodeSettings {
+    /// The codec, where none is given that of the container.
+    pub fn codec(&self) -> Codec {
+        self.codec.unwrap_or_else(|| self.output().usual_codec())
+    }
+
+    fn output(&self) -> Output {
+        Output::parse(to_path(&self.path))
+    }
+
     fn crf_conflict(&self) -> Option<Conflict> {
         let crf = self.crf?;
-        let codec = self.codec.name();
+        let codec = self.codec().name();
         if self.bitrate.is_some() {
             let message = "`crf` and `bitrate` exclude each other".to_owned();
             return Some(Conflict { key: "bitrate", message, help: "give one of them" });
         }
-        match self.codec.crf_max() {
+        match self.codec().crf_max() {
             None => {
                 let message = format!("codec `{codec}` has no `crf`");
                 Some(Conflict { key: "crf", message, help: "leave `crf` out, or take h264, hevc or av1" })
@@ -85,11 +94,12 @@ impl Stage for EncodeSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        let output = Output::parse(to_path(&self.path));
+        let output = self.output();
         output.preflight()?;
         if output.is_sequence() {
             return Ok(());
         }
-        Ok(check_encoder(self.codec, &self.encoder)?)
+        output.check_codec(self.codec())?;
+        Ok(check_encoder(self.codec(), &self.encoder)?)
     }
 }

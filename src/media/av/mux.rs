@@ -9,6 +9,7 @@ use super::demux::InputFormat;
 use super::dict::{c_path, c_string, string};
 use super::error::check;
 use super::{AvError, Chapter, Demuxer, Dictionary, Encoder, Packet, Rational, StreamRef};
+use crate::Codec;
 
 /// A container that FFmpeg can write.
 #[derive(Clone, Copy)]
@@ -32,6 +33,19 @@ impl OutputFormat {
     pub(crate) fn name(self) -> String {
         // SAFETY: a static name.
         unsafe { string(self.0.name) }
+    }
+
+    /// False for a codec that the container does not hold; what FFmpeg does not know is tried.
+    pub(crate) fn holds(self, codec: Codec) -> bool {
+        let id = match codec {
+            Codec::H264 => ffi::AVCodecID::AV_CODEC_ID_H264,
+            Codec::Hevc => ffi::AVCodecID::AV_CODEC_ID_HEVC,
+            Codec::Av1 => ffi::AVCodecID::AV_CODEC_ID_AV1,
+            Codec::Prores => ffi::AVCodecID::AV_CODEC_ID_PRORES,
+            Codec::Ffv1 => ffi::AVCodecID::AV_CODEC_ID_FFV1,
+        };
+        // SAFETY: a static format.
+        unsafe { ffi::avformat_query_codec(self.0, id, ffi::FF_COMPLIANCE_NORMAL) != 0 }
     }
 
     /// Codec headers are separate from the packets.

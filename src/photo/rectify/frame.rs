@@ -24,7 +24,8 @@ const MAX_GROWTH: f64 = 1.25;
 /// Crop of the output: `"auto"`, `"rectangle"`, `"none"`, or an aspect ratio such as `"3:2"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Crop {
-    /// The whole picture where its border can be made straight; the largest covered rectangle otherwise.
+    /// The whole picture where its border can be made straight; beside lines, where there are no people, without what would bend them;
+    /// else the largest covered rectangle.
     #[default]
     Auto,
     /// The largest rectangle that the picture covers.

@@ -99,9 +99,10 @@ const FILL: Rate = Rate::frames(0.01, 0.05);
 
 /// Encoding a frame: seconds, and bytes of it.
 fn encoding(settings: &EncodeSettings) -> (Rate, f64) {
-    match settings.codec {
+    let codec = settings.codec();
+    match codec {
         Codec::H264 | Codec::Hevc => {
-            let slower = if settings.codec == Codec::Hevc { 3.0 } else { 1.0 };
+            let slower = if codec == Codec::Hevc { 3.0 } else { 1.0 };
             let rate = match settings.preset.as_deref() {
                 Some("ultrafast" | "superfast") => 0.006,
                 Some("veryfast" | "faster" | "fast") => 0.02,

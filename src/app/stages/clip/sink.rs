@@ -124,7 +124,7 @@ pub(crate) fn distribute(sampled: Sampled, branches: &[Branch]) -> Result<(), Ru
 
 fn write_options(settings: &EncodeSettings, job: &Job<'_>) -> WriteOptions {
     WriteOptions {
-        codec: settings.codec,
+        codec: settings.codec(),
         encoder: settings.encoder.clone(),
         crf: settings.crf,
         preset: settings.preset.clone(),

@@ -80,7 +80,7 @@ impl Stage for ChunkSettings {
     }
 
     fn preflight(&self) -> Result<(), RunError> {
-        Ok(plumbline_media::check_encoder(self.encode.codec, &self.encode.encoder)?)
+        Ok(plumbline_media::check_encoder(self.encode.codec(), &self.encode.encoder)?)
     }
 }
 
