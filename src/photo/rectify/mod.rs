@@ -38,8 +38,9 @@ use plumbline_num::math::{Point2, Rect};
 use plumbline_num::options::OptionError;
 use plumbline_num::run::Run;
 
-/// Most lines that [`Target::Optimized`] makes straight at once. Each adds two unknowns that meet all of the grid, so that time grows
-/// with the square of their number: of lines that cross at random 24 take less than 1.6 s of CPU, 500 take 16 s.
+/// Most lines that [`Target::Optimized`] makes straight at once. Each adds two unknowns that meet all of the grid, three where it
+/// was found at an angle, so that time grows with the square of their number: of lines that cross at random 24 take less than
+/// 1.6 s of CPU, 500 take 16 s.
 pub const MAX_LINES: usize = 500;
 
 /// The projection of the output: `"optimized"`, `"perspective"`, `"panini:0.8"` …
