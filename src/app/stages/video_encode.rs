@@ -40,18 +40,18 @@ impl EncodeSettings {
 
     fn crf_conflict(&self) -> Option<Conflict> {
         let crf = self.crf?;
-        let codec = self.codec().name();
+        let codec = self.codec();
         if self.bitrate.is_some() {
             let message = "`crf` and `bitrate` exclude each other".to_owned();
             return Some(Conflict { key: "bitrate", message, help: "give one of them" });
         }
-        match self.codec().crf_max() {
+        match codec.crf_max() {
             None => {
-                let message = format!("codec `{codec}` has no `crf`");
+                let message = format!("codec `{}` has no `crf`", codec.name());
                 Some(Conflict { key: "crf", message, help: "leave `crf` out, or take h264, hevc or av1" })
             }
             Some(max) if crf > max => {
-                let message = format!("`crf` = {crf} is out of range for `{codec}` (expected 0 to {max})");
+                let message = format!("`crf` = {crf} is out of range for `{}` (expected 0 to {max})", codec.name());
                 Some(Conflict { key: "crf", message, help: "18 to 28 is usual" })
             }
             Some(_) => None,
@@ -99,7 +99,8 @@ impl Stage for EncodeSettings {
         if output.is_sequence() {
             return Ok(());
         }
-        output.check_codec(self.codec())?;
-        Ok(check_encoder(self.codec(), &self.encoder)?)
+        let codec = self.codec();
+        output.check_codec(codec)?;
+        Ok(check_encoder(codec, &self.encoder)?)
     }
 }

@@ -33,11 +33,14 @@ const STARS: [[(isize, isize); 5]; 2] =
 /// Opposite neighbors along a direction, and those across it.
 const DIRECTIONS: [([usize; 2], [usize; 2]); 2] = [([1, 3], [0, 4]), ([0, 4], [1, 3])];
 
-/// One square of `E_b`: the numbers of the star, from 0 on, and the coefficients of its ten coordinates.
+/// One square of `E_b`.
 pub(super) struct Bend {
+    /// Its element among those of [`stars`].
     pub(super) star: usize,
+    /// Its vertex, whose `ω` it has.
     pub(super) vertex: usize,
     pub(super) weight: f64,
+    /// Of the unknowns of the star.
     pub(super) coefficients: [f64; 10],
 }
 

@@ -49,7 +49,6 @@ const RELAXATION: f64 = 0.01;
 /// Largest deviation of marks from their great circle, as a fraction of their length, for which the line is extended:
 /// at 1 % the extrapolated direction is wrong by about half a degree.
 const MAX_CIRCLE_DEVIATION: f64 = 0.01;
-
 /// Weight of the angle of a line that was found, relative to its straightness: with the default line weight of 10⁴ six times that of
 /// conformality, and above that of a border that yields, so that a picture that is a little slanted becomes level.
 const PREFERENCE: f64 = 1e-4;
@@ -131,7 +130,7 @@ impl GridLine {
         Self { weights: self.weights.iter().map(|w| w * factor).collect(), ..self }
     }
 
-    /// The first and the last virtual vertex of the marked part; none of a line that nobody marked, at whose ends nobody looks.
+    /// The first and the last virtual vertex of the marked part; none of a soft line, at whose ends nobody looks.
     pub(super) fn ends(&self) -> impl Iterator<Item = CellPoint> {
         let ends = [self.vertices[0], self.vertices[self.marked - 1]];
         ends.into_iter().filter(|_| self.kind != Kind::Soft)
@@ -142,7 +141,7 @@ impl GridLine {
         self.kind == Kind::Side
     }
 
-    /// Relaxes the extensions where one of them meets these cells, and all of a line that was found.
+    /// Relaxes the extensions where one of them meets these cells, and all of a soft line.
     pub(super) fn relax(&mut self, cells: &[bool]) {
         let first = if self.kind == Kind::Soft { 0 } else { self.marked };
         if self.vertices[first..].iter().any(|p| cells[p.cell]) {
